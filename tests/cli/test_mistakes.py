@@ -27,8 +27,11 @@ from workbench.geometry.meshes import write_mesh
         ("run known-correspondences --set seed=-1", "cannot be built with seed=-1: ValueError"),
         ("run exits.py", "exits.py line 3: it ends the program (sys.exit(3))"),
         ("run broken.py", "broken.py line 1: SyntaxError"),
-        ("run nan.py", "has no finite cost, or no slope, where it starts"),
+        ("run nan.py", "has no finite cost, or no derivatives, where it starts"),
         ("fit missing.json", "cannot be read as JSON"),
+        ("fit walk.bvh", "`workbench convert` skeletons and motions"),
+        ("fit dlc.csv", "keypoints are read from .json as detectors write it"),
+        ("fit nobody.json", "nobody.json holds no person: its list `people` is empty"),
         ("fit 3.json", "annotations must be a list of objects"),
         ("fit kp.json --focal nan", "--focal takes a number above 0, not nan"),
         ("fit kp.json --sigma 0", "--sigma takes a number above 0"),
@@ -53,6 +56,7 @@ def test_mistake_ends_in_a_sentence_and_writes_nothing(
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "diary.txt").write_text("mine")
     (tmp_path / "3.json").write_text("3")
+    (tmp_path / "nobody.json").write_text('{"version": 1.3, "people": []}')
     (tmp_path / "exits.py").write_text("import sys\n\nsys.exit(3)\n")
     (tmp_path / "broken.py").write_text("def f(:\n")
     (tmp_path / "nan.py").write_text(
@@ -92,15 +96,15 @@ def test_file_without_one_solver_is_refused(workbench: Run) -> None:
 
 
 @pytest.fixture
-def fitted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Setup, bool]]:
+def fitted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Setup, bool]]:
     """What `fit` would solve, and whether with other solvers too; nothing is solved here."""
     asked: list[tuple[Setup, bool]] = []
 
     def carried_out(
         _: object, experiment: Experiment, __: object, compare: bool, *rest: object
-    ) -> tuple[Values, Path]:
+    ) -> Values:
         asked.append((experiment.setup(), compare))
-        return {}, tmp_path
+        return {}
 
     monkeypatch.setattr("workbench.cli.fit.carry_out", carried_out)
     return asked

@@ -68,7 +68,7 @@ def test_register_skips_what_is_registered(workbench: Run, scans: Path) -> None:
     given = ("register", str(scans), "--body", "small", "--model-only")
     code, out, _ = workbench(*given)
     assert code == 1  # one was bad
-    assert "note: not taken for scans: notes.txt" in out
+    assert "note: skipped, because they are no scans: notes.txt" in out
     assert "not registered: empty:" in out
     table = Path("runs/register-scans/registrations.csv")
     assert [line.split(",")[:2] for line in table.read_text().splitlines()] == [

@@ -14,6 +14,7 @@ import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.own_files import LINE
 from workbench.cli.console import rich_table
+from workbench.cli.run import _rank_line
 from workbench.reports.page import Table
 from workbench.solvers import SOLVERS
 
@@ -34,6 +35,21 @@ def test_run_writes_a_whole_report(workbench: Run) -> None:
         assert numbers["projected:cam01"].shape == (23, 2)
     assert wb.Solution.load(folder / "solution.npz").converged
     assert json.loads((folder / "summary.json").read_text())["status"] == "CONVERGED"
+
+
+def test_directions_are_printed_without_their_entries() -> None:
+    body = wb.load_body("small")
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    place = wb.Block("place", (24, 3), "m")
+    joints = wb.residuals.landmarks(body.joint_points(pose, betas, trans), place.symbol, sigma=0.5)
+    upright = wb.Residual("upright", pose[2, :].T, sigma=2, unit="rad")
+    problem = wb.Problem([joints, upright], free=["pose"], blocks=[place])
+    bent = body.start() | {"pose": 0.3 * np.random.default_rng(0).standard_normal((24, 3))}
+    diagnosis = wb.diagnose(problem, bent | {"place": body.joints(**bent)})
+    assert any(d.joints and " rad of " in d.name for d in diagnosis.weak_directions)
+    said = _rank_line("Jacobian", diagnosis)
+    assert "among them " in said
+    assert " rad of " not in said
 
 
 def test_tables_fit_80_columns_whole() -> None:

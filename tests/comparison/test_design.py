@@ -68,8 +68,8 @@ def test_wrong_files_of_solvers_are_refused(tmp_path: Path) -> None:
 
 def test_seeds_number_starts_or_seeds() -> None:
     who = "gauss-newton"
-    found = design(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
-    assert [(i.name, i.number) for i in found.instances] == [
+    plan = design(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
+    assert [(i.name, i.number) for i in plan.instances] == [
         ("nist-misra1a, start 1", 1),
         ("nist-misra1a, start 2", 2),
         ("slide, start 0", 0),
@@ -84,9 +84,9 @@ def test_seeds_number_starts_or_seeds() -> None:
 
 
 def test_arguments_go_to_experiments_that_have_them() -> None:
-    found = chosen(["registration", "nist-misra1a"], {"body": "small", "start": "2"})
-    assert found[0].arguments == {"body": "small"}
-    assert found[1].arguments == {"problem": "Misra1a", "start": 2}
+    members = chosen(["registration", "nist-misra1a"], {"body": "small", "start": "2"})
+    assert members[0].arguments == {"body": "small"}
+    assert members[1].arguments == {"problem": "Misra1a", "start": 2}
     with pytest.raises(UnknownName, match="'bodi'"):
         chosen(["known-correspondences"], {"bodi": "small"})
 

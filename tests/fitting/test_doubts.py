@@ -9,6 +9,7 @@ import pytest
 
 from workbench import load_body
 from workbench.arrays import Array
+from workbench.blocks import Block
 from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.conventions import ORDERS
 from workbench.fitting.doubts import doubts, of_markers, of_person
@@ -30,6 +31,8 @@ from workbench.fitting.setup import Setup
 from workbench.fitting.videos import video_fit
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.problem import Problem
+from workbench.residuals.residual import Residual
 from workbench.solvers import TrustRegion
 
 SIZE = (1920, 1080)
@@ -73,10 +76,13 @@ def fitted(setup: Setup) -> tuple[str, ...]:
 
 
 def from_one(
-    points: Array, size: tuple[int, int] = SIZE, focal: float = 1500.0, name: str = "camera"
+    points: Array,
+    calibrated: tuple[int, int] = SIZE,
+    focal: float = 1500.0,
+    name: str = "camera",
 ) -> Setup:
-    given = {"K": pinhole(focal, *size), "R": np.eye(3), "t": np.zeros(3)}
-    observed = Observations(tuple(COCO), (photograph(name, size, points, given),))
+    given = {"K": pinhole(focal, *calibrated), "R": np.eye(3), "t": np.zeros(3)}
+    observed = Observations(tuple(COCO), (photograph(name, SIZE, points, given),))
     return image_fit(observed, BODY, "who?")
 
 
@@ -120,6 +126,9 @@ VIEWS: dict[str, Callable[[], Setup]] = {
         lambda ring: [(R.T, -1000 * R.T @ t) for R, t in ring]
     ),
     "in the order 2, 1, 3": lambda: from_three(lambda ring: [ring[1], ring[0], ring[2]]),
+    "translations of the cameras seem to be in inches;": lambda: from_three(
+        lambda ring: [(R, t / 0.0254) for R, t in ring]
+    ),
     "y points up in the image": lambda: from_three(
         read=lambda k, points: points * UPWARDS[0] + UPWARDS[1]
     ),
@@ -137,6 +146,20 @@ VIEWS: dict[str, Callable[[], Setup]] = {
 def test_what_makes_views_agree_is_named(words: str) -> None:
     found = fitted(VIEWS[words]())
     assert any(words in doubt for doubt in found), found
+
+
+def test_residual_of_many_sigmas_is_doubted() -> None:
+    slope = Block("slope", (), "m")
+    line = Residual("line", slope.symbol * np.arange(9.0) - 5, sigma=0.1, unit="m")
+    start = {"slope": np.zeros(())}
+    best = 5 * np.arange(9.0).sum() / np.sum(np.arange(9.0) ** 2)
+    for bounds, found in (({"slope": (0.0, 0.1)}, 0.1), (None, best)):
+        problem = Problem([line], ["slope"], bounds, blocks=[slope])
+        (doubt,) = fitted(Setup(problem, start, "which slope?"))
+        sigmas = np.sqrt(np.mean((found * np.arange(9.0) - 5) ** 2)) / 0.1
+        assert doubt.startswith(f"residual 'line' is {sigmas:.3g} times its sigma")
+    noisy = Residual("line", slope.symbol * np.arange(9.0) - 5, sigma=5, unit="m")
+    assert fitted(Setup(Problem([noisy], ["slope"], blocks=[slope]), start, "?")) == ()
 
 
 def test_rotation_vectors_in_degrees_are_read_as_such(tmp_path: Path) -> None:
@@ -173,6 +196,8 @@ ABSURD: dict[str, Callable[[], Setup]] = {
     "order of the points": lambda: from_one(np.roll(POINTS, 5, axis=0)),
     "right leg count as outliers": lambda: from_one(moved_leg()),
     "m from the camera": lambda: from_one(POINTS, focal=60_000.0),
+    "the principal point of camera is 540, 960 px": lambda: from_one(POINTS, calibrated=SIZE[::-1]),
+    "outside of the image of 1920x1080 px": lambda: from_one(POINTS * [2, 2, 1]),
 }
 
 
@@ -180,6 +205,13 @@ ABSURD: dict[str, Callable[[], Setup]] = {
 def test_absurd_keypoints_of_one_camera_are_doubted(words: str) -> None:
     found = fitted(ABSURD[words]())
     assert any(words in doubt for doubt in found), found
+
+
+def test_a_reading_that_fits_as_badly_is_not_named() -> None:
+    anywhere = np.random.default_rng(5).uniform([600, 100, 0.9], [1300, 1000, 0.9], (17, 3))
+    found = fitted(from_one(anywhere))
+    assert found
+    assert not any("would fit better" in doubt for doubt in found), found
 
 
 def test_interval_of_a_camera_named_with_a_slash() -> None:

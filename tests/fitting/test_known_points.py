@@ -126,6 +126,17 @@ def test_faces_of_another_mesh_are_noted(tmp_path: Path) -> None:
     assert "could not be checked" in setup.notes[0]
 
 
+def test_vertices_without_faces_are_fitted(tmp_path: Path) -> None:
+    body = load_skinned("small")
+    lines = [f"v {x} {y} {z}" for x, y, z in body.template]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    setup = own_mesh(tmp_path / "a.obj", body, 0.002)
+    assert "could not be checked" in setup.notes[0]
+    (tmp_path / "a.obj").write_text("\n".join(lines[1:]))
+    with pytest.raises(BadFile, match=r"368 vertices.*`workbench register` takes a scan"):
+        own_mesh(tmp_path / "a.obj", body, 0.002)
+
+
 HAND = load_skinned("hand")
 NOISE = 0.002  # m
 OF_HAND = ("pose", "betas", "trans")

@@ -185,12 +185,12 @@ def test_fit_tries_other_poses_of_limbs() -> None:
 
 @pytest.mark.thorough
 def test_seen_starts_face_the_camera() -> None:
-    given = scan_starts(BODY, HALF)
-    found = seen_starts(BODY, HALF, CAMERA, given, 4)
-    assert len(found) == 4
-    for one in found[:2]:
+    starts = scan_starts(BODY, HALF)
+    best = seen_starts(BODY, HALF, CAMERA, starts, 4)
+    assert len(best) == 4
+    for one in best[:2]:
         assert facing(one["pose"][0], BODY.bind_pose[0]) @ FRONT > np.cos(np.pi / 4) - 1e-9
-    nearest = [min(off(BODY.vertices(**one), TRUTH) for one in some) for some in (found, given)]
+    nearest = [min(off(BODY.vertices(**one), TRUTH) for one in some) for some in (best, starts)]
     assert nearest[0] < nearest[1]
 
 

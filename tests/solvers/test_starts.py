@@ -276,5 +276,7 @@ def test_stages_are_tuples_of_names() -> None:
         Staged(("trans", "pose"))  # type: ignore[arg-type]
     with pytest.raises(BadArgument, match=r"not \(\)"):
         Staged(((),))
+    with pytest.raises(BadArgument, match=r"not \('trans', 1\)"):
+        Staged((("trans", 1),))  # type: ignore[arg-type]
     with pytest.raises(UnknownName, match="no free block is called 'poze'; there are"):
         Staged((("poze",),)).solve(*body_fit())

@@ -40,27 +40,7 @@ def main() -> None:
         if isinstance(stream := getattr(sys, name), TextIOWrapper):
             stream.reconfigure(errors="replace")
     _listen()
-    code, sentence, unprinted = 0, "", None
-    try:
-        with defer_signals():
-            from workbench.cli.app import app
-        app()
-    except Interrupted as leaving:
-        code, sentence = 130, str(leaving)
-    except KeyboardInterrupt:
-        code, sentence = 130, INTERRUPTED
-    except Terminated as leaving:
-        code, sentence = 143, str(leaving) or INTERRUPTED.replace("interrupted", "terminated")
-    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
-        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
-        sentence = INTERRUPTED if code == 130 else ""
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno in (errno.EPIPE, errno.ENOSPC):
-            unprinted = error
-        elif explain(error):
-            code = 2
-        else:
-            raise
+    code, sentence, unprinted = _run_app()
     for number in (signal.SIGINT, signal.SIGTERM):  # what is left to do can be left
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda number, frame: os._exit(128 + number))
@@ -77,6 +57,30 @@ def main() -> None:
     if sentence:
         tell(sentence)
     sys.exit(code)
+
+
+def _run_app() -> tuple[int, str, OSError | None]:
+    """Run a command: its exit code, a last sentence, and why its output could not be written."""
+    try:
+        with defer_signals():
+            from workbench.cli.app import app
+        app()
+    except Interrupted as leaving:
+        return 130, str(leaving), None
+    except KeyboardInterrupt:
+        return 130, INTERRUPTED, None
+    except Terminated as leaving:
+        return 143, str(leaving) or INTERRUPTED.replace("interrupted", "terminated"), None
+    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
+        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        return code, INTERRUPTED if code == 130 else "", None
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.EPIPE, errno.ENOSPC):
+            return 0, "", error
+        if explain(error):
+            return 2, "", None
+        raise
+    return 0, "", None
 
 
 def tell(sentence: str) -> None:

@@ -13,12 +13,13 @@ from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.checking.check_file import check_body_file, check_contents
 from workbench.bodies.files.c_code import JOINTS, write_c
 from workbench.bodies.files.saving import arrays_of
-from workbench.cli.console import folder_to_write, make_folder, print_page, rich_table, say
+from workbench.cli.console import folder_to_write, print_page, rich_table, say
 from workbench.cli.options import Fit, Frame
 from workbench.cli.run import Out
 from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.reports import card_text, write_card
+from workbench.reports.folder import make_folder
 from workbench.reports.page import Table
 from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
 

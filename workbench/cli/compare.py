@@ -35,8 +35,8 @@ Names = Annotated[
 ]
 Limits = comparison.Budget()
 EFFORT_NOTE = (
-    "Effort is the median over starts, and then over problems; ∞ where half of the starts or more "
-    "failed, of half of the problems or more. The page says how the other runs ended."
+    "Effort is the median over starts, and then over problems; ∞ where at least half of the starts "
+    "failed on at least half of the problems. The page says how the other runs ended."
 )
 
 

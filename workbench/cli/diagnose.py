@@ -87,7 +87,7 @@ def diagnose(
         warn_unused(console, ctx, ["--solver"], "with --at-start nothing is solved")
     folder = folder_to_write(out, f"{experiment.name}-diagnosis", experiment.source)
     solving = None if at_start else by
-    first, setup = _diagnosed(console, experiment, solving, data_alone)
+    first, setup, doubted = _diagnosed(console, experiment, solving, data_alone)
     if draws and not setup.priors:
         raise BadArgument(
             f"--draws takes its points from the priors, and {experiment.name} names no residual as "
@@ -119,23 +119,24 @@ def diagnose(
         source=experiment.source,
     )
     print_page(console, "report", page)
-    if first.warnings:
+    if first.warnings or doubted:
         raise typer.Exit(EXIT_WARNED)
 
 
 def _diagnosed(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
-) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup]:
-    """At the end of the solver, or at the start if there is none."""
+) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup, tuple[str, ...]]:
+    """At the end of the solver, with what speaks against it, or at the start if there is none."""
     setup = build_setup(console, experiment)
     if data_alone:
         _mind_priors(console, experiment, setup)
-    values = setup.start if solver is None else solve_setup(console, setup, solver)
+    values, doubted = (setup.start, ()) if solver is None else solve_setup(console, setup, solver)
     console.print("[dim]looking at the Jacobian[/]")
     problem, priors = setup.problem, setup.priors
     if data_alone:
         problem, priors = problem.without(*priors), ()
-    return diagnostics.diagnose(problem, values, priors=priors, gauges=setup.gauges), setup
+    diagnosis = diagnostics.diagnose(problem, values, priors=priors, gauges=setup.gauges)
+    return diagnosis, setup, doubted
 
 
 def _over_draws(
@@ -182,13 +183,16 @@ def design(
     ] = None,
     choose: Annotated[int, typer.Option(help="How many candidates to choose.")] = 1,
     criterion: Annotated[
-        str, typer.Option(help="To be small: d (volume), a (mean variance) or e (worst direction).")
+        str,
+        typer.Option(
+            help="What to minimise: d (volume), a (mean variance) or e (worst direction)."
+        ),
     ] = "d",
     sd_of: Annotated[
         str | None,
         typer.Option(
             "--sd-of",
-            help="Instead, the standard deviation of this: "
+            help="Minimise instead the standard deviation of this: "
             f"{', '.join(QUANTITIES)}, or an entry such as trans[z].",
         ),
     ] = None,
@@ -217,7 +221,7 @@ def design(
         raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
     by = solver_named(solver)
     experiment, setup, folder = prepare(console, name, setting, out, "design")
-    values = solve_setup(console, setup, by)
+    values, _ = solve_setup(console, setup, by)
     kind = candidates or (OWN if setup.candidates else "cameras")
     offered = CANDIDATES[kind](setup, values)
     objective = CRITERIA[criterion].over(*over) if over else CRITERIA[criterion]

@@ -149,14 +149,18 @@ def fit(
             why = f"{cameras} says the focal length of each camera"
             warn_without_effect(console, "--focal", why)
         setup = keypoint_setup(paths, model, reading, image_recipe, sigma, hypotheses)
-    experiment = Experiment(
-        first.stem, lambda: setup, "a user's own file", source=str(first.resolve())
-    )
     by_setup = solver is None and setup.strategy is not None
-    values, folder = carry_out(console, experiment, None if by_setup else chosen, compare, out)
+    experiment = experiment_of(first, setup)
+    values = carry_out(console, experiment, None if by_setup else chosen, compare, out)
+    folder = out / experiment.name
     (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit
     if mean and kind != "a mesh":
         add_mean(console, setup, values, folder)
+
+
+def experiment_of(file: Path, setup: Setup) -> Experiment:
+    """The fit to a user's file as an experiment, which has the file's name."""
+    return Experiment(file.stem, lambda: setup, "a user's own file", source=str(file.resolve()))
 
 
 def keypoint_setup(
@@ -222,15 +226,7 @@ def fit_folder(
     of_work = folder.key_of_work()
     keys = {job: folder.key(job, of_work) for job in jobs}
     with executing(console, workers, dask) as executor:
-        do_missing_jobs(
-            console,
-            folder,
-            keys,
-            lambda missing: executor(work, in_parts(missing)),
-            folder.finish,
-            "images",
-            "fitted",
-        )
+        do_missing_jobs(console, folder, keys, lambda missing: executor(work, in_parts(missing)))
 
 
 def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> None:
@@ -352,34 +348,25 @@ def fit_markers(
     recording = read_markers(file, sizes=sizes, labels=markers_worn.labels)
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
-    markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
-    folders: list[Path] = []
+    markers = recording.markers[:, list(places)]
 
     def solve(setup: Setup) -> Values:
         question = (
             f"Which shape of the body, and which places of {len(worn.names)} markers on it, "
             f"explain {len(setup.start['observed'])} of the {len(markers)} frames of {file.name}?"
         )
-        experiment = Experiment(
-            file.stem,
-            lambda: replace(setup, question=question),
-            "a user's own file",
-            source=str(file.resolve()),
-        )
-        values, folder = carry_out(console, experiment, marker_solver(solver), False, out)
-        folders.append(folder)
-        return values
+        experiment = experiment_of(file, replace(setup, question=question))
+        return carry_out(console, experiment, marker_solver(solver), False, out)
 
     capture = mosh(
         markers,
         body,
         worn,
-        sigma=precision,
+        sigma=SIGMA if sigma is None else sigma,
         across=markers_worn.across,
         solve=solve,
         progress=lambda text: console.print(f"[dim]{text}[/]", highlight=False),
     )
-    (folder,) = folders
     arrays: dict[str, NDArray[Any]] = {
         "poses": capture.pose,
         "trans": capture.trans,
@@ -394,7 +381,8 @@ def fit_markers(
     rate = recording.fps if fps is None else fps
     if rate is not None:
         arrays["fps"] = np.array(rate)
-    write_arrays(folder / "motion.npz", arrays)
+    path = out / file.stem / "motion.npz"
+    write_arrays(path, arrays)
     rms = 1e3 * float(np.sqrt(np.nanmean(capture.errors**2)))
     worst = int(np.argmax(rms_of_markers(capture.errors)))
     say(
@@ -402,4 +390,4 @@ def fit_markers(
         f"markers are {rms:.1f} mm from those of the body (root mean square over {len(markers)} "
         f"frames); the worst is {escape(worn.names[worst])}",
     )
-    print_page(console, "motion", folder / "motion.npz")
+    print_page(console, "motion", path)

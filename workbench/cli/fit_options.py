@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 import typer
 
 from workbench.cli.console import above_zero
-from workbench.errors import BadArgument, BadFile
+from workbench.errors import BadArgument, BadFile, listed
 from workbench.fitting.marker_files import MARKER_READERS
 from workbench.fitting.marker_sets import MARKER_HEIGHT
-from workbench.fitting.scans.files import SCAN_READERS
 from workbench.geometry.meshes import MESH_READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT
 
@@ -61,7 +60,8 @@ Cameras = Annotated[
     ),
 ]
 CameraToWorld = Annotated[
-    bool, typer.Option("--camera-to-world", help="--cameras holds poses, camera to world.")
+    bool,
+    typer.Option("--camera-to-world", help="--cameras holds the cameras' poses: camera to world."),
 ]
 Size = Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")]
 Focal = Annotated[
@@ -97,7 +97,10 @@ Hypotheses = Annotated[int, typer.Option(help="Number of starts for one image.")
 Video = Annotated[bool, typer.Option(help="FILES is a clip: a folder with a file for each frame.")]
 Fps = Annotated[
     float | None,
-    typer.Option(callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."),
+    typer.Option(
+        callback=above_zero,
+        help=f"Frames a second: of a clip, else {FPS:g}; of markers, else their file's.",
+    ),
 ]
 
 # markers
@@ -118,7 +121,7 @@ MarkerHeight = Annotated[
 Across = Annotated[
     float | None,
     typer.Option(
-        callback=marker_length, help="Standard deviation of this height in m, such as 0.001."
+        callback=marker_length, help="Standard deviation of --marker-height in m, such as 0.001."
     ),
 ]
 
@@ -150,8 +153,13 @@ def kind_of_fit(paths: list[Path], video: bool) -> str:
         kind = "a folder of images"
     elif suffix in MARKER_READERS or suffix in MESH_READERS:
         kind = "markers" if suffix in MARKER_READERS else "a mesh"
-    elif suffix in SCAN_READERS:
-        raise BadFile(f"{first} holds points in space; `workbench register` fits a body to a scan")
+    elif suffix not in (".json", ""):
+        raise BadFile(
+            f"{first} is nothing that is fitted: keypoints are read from .json as detectors write "
+            f"it (a picture needs one first), markers from {listed(MARKER_READERS)}, and the "
+            f"body's own vertices from {listed(WITH_VERTEX_ORDER)}; `workbench register` takes "
+            "scans, and `workbench convert` skeletons and motions"
+        )
     if len(paths) > 1 and kind != "several cameras":
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"

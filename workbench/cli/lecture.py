@@ -14,7 +14,7 @@ from rich.table import Table
 
 from workbench import course
 from workbench.cli import lecture_packs
-from workbench.cli.console import make_folder, print_page, say, waiting
+from workbench.cli.console import print_page, say, waiting
 from workbench.course.cells import Cell, run_cells
 from workbench.course.formulas import in_letters
 from workbench.course.grading import CheckResult, CheckState, Grade
@@ -27,6 +27,7 @@ from workbench.course.site import write_course_site
 from workbench.course.slides import write_slides
 from workbench.diagnostics.words import counted
 from workbench.errors import BadFile
+from workbench.reports.folder import make_folder
 from workbench.writing import write_file
 
 LIMITS = ProcessLimits()

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.cli import interrupts_say
-from workbench.cli.console import print_page, say, waiting
+from workbench.cli.console import at_least_one, print_page, say, waiting
 from workbench.course.packs.handing_out import read_students, write_pack
 from workbench.course.packs.keys import KEYS, QUESTIONS, read_keys
 from workbench.course.packs.marking import (
@@ -58,7 +58,7 @@ def pack(
         Path | None, typer.Option(help="New folder for the answers, else TO-keys.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Draws all numbers; else one that nobody can guess.")
+        int | None, typer.Option(help="Seed of all numbers; else one that nobody can guess.")
     ] = None,
 ) -> None:
     """Write exercises for a class, each student's with own numbers.
@@ -136,7 +136,9 @@ def mark(
     ] = Path("marks.csv"),
     seconds: Seconds = LIMITS.seconds,
     memory: Memory = LIMITS.memory,
-    workers: Annotated[int, typer.Option(help="Files that run at once.")] = 1,
+    workers: Annotated[
+        int, typer.Option(callback=at_least_one, help="Files that run at once.")
+    ] = 1,
     only_answers: Annotated[
         Path | None,
         typer.Option(metavar="FILE.json", help="Write what the files answer, and mark nothing."),
@@ -147,12 +149,10 @@ def mark(
 ) -> None:
     """Mark submissions of a class, and write the marks as CSV.
 
-    Each file answers in a process of its own. If it is interrupted, the same command goes on.
+    Each file answers in a process of its own. After an interrupt the same command continues.
     """
     if table.suffix.lower() != ".csv":
         raise BadArgument(f"--csv takes the name of a file .csv, not {table}")
-    if workers < 1:
-        raise BadArgument(f"--workers takes a number of files, 1 or more, not {workers}")
     console, limits = Console(), ProcessLimits(seconds, memory)
     key = read_keys(keys, KEYS if only_answers is None else QUESTIONS)
     submissions = collect(folder, key)
@@ -180,7 +180,7 @@ def mark(
     def interruption() -> str:
         return (
             f"interrupted; {done} of {len(key.students)} students are marked, and {table} says "
-            "which. The same command goes on"
+            "which. The same command continues"
         )
 
     with (

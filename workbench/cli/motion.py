@@ -49,6 +49,10 @@ MARKER_SUFFIXES = (".npz", ".trc")  # what is written of markers
 MOTION_SUFFIXES = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
 EXACT = "exact"
 OF_MOTIONS = ("--fps", "--rate", "--body", "--page", "--tissue", "--animation")
+Rate = Annotated[
+    float | None,
+    typer.Option(callback=above_zero, help="Frames a second, if the file does not say."),
+]
 Person = Annotated[
     str | None, typer.Option(help="Which of several people in a file; else who is in most frames.")
 ]
@@ -72,13 +76,12 @@ def motion(
         float | None,
         typer.Option(callback=above_zero, help="Resample a motion to so many frames a second."),
     ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
-    ] = None,
+    rate: Rate = None,
     layout: Annotated[
         str,
-        typer.Option(help="Of an .npz: amass, or smplx, whose arrays are the arguments of smplx."),
+        typer.Option(
+            help="Names of arrays in an .npz: amass, or smplx, those of the arguments of smplx."
+        ),
     ] = LAYOUTS[0],
     page: Annotated[
         Path | None, typer.Option(help="Write a page (.html) on which a body plays the motion.")
@@ -86,7 +89,7 @@ def motion(
     correctives: Annotated[
         str,
         typer.Option(
-            help="Morph targets of a .glb for what pose adds to the surface: a number, or "
+            help="Morph targets of a .glb for the pose blend shapes: a number of them, or "
             f"{EXACT}; their error is printed."
         ),
     ] = "0",
@@ -138,11 +141,10 @@ def motion(
         motion = motion.resampled(fps)
         say(console, f"resampled to {len(motion)} frames at {fps:g} frames a second")
     suffix = "" if out is None else out.suffix.lower()
-    bare = motion.bones is None and suffix == ".bvh"
-    shown = page is not None or suffix == ".glb"
-    if tissue and not shown:
+    needs_body = page is not None or suffix == ".glb"
+    if tissue and not needs_body:
         raise BadArgument("--tissue shows on a page or in a .glb; give --page or --out WALK.glb")
-    if model is None and (bare or shown):
+    if model is None and (needs_body or (suffix == ".bvh" and motion.bones is None)):
         model = load_body("default")
         say(console, "the body is default; --body takes another")
     if model is not None:
@@ -153,7 +155,7 @@ def motion(
             warn_of(console, of_person(model, motion.betas_on(model)))
     betas, sentence = None, ""
     if dmpls is not None:
-        if not isinstance(model, SkinnedBody) or motion.dmpls is None or not shown or tissue:
+        if not isinstance(model, SkinnedBody) or motion.dmpls is None or not needs_body or tissue:
             raise BadArgument(
                 "--dmpls moves the --body of an SMPL file by the dmpls of a motion of AMASS, on "
                 "--page or in a .glb, and not together with --tissue"
@@ -184,7 +186,7 @@ def _with_tissue(
     betas = betas_with_tissue(body, soft, motion)
     away = 1e3 * np.linalg.norm(displaced_by(soft, betas), axis=2)
     sentence = (
-        "The soft tissue is simulated, and was learned from no measurement of people: in "
+        "The soft tissue is simulated, and was not learned from measurements of people: in "
         f"{len(motion)} frames at {motion.fps:g} frames a second it moves vertices by "
         f"{away.mean():.1f} mm on average and {away.max():.0f} mm at most"
     )
@@ -202,7 +204,7 @@ def _say_motion(console: Console, motion: Motion, path: Path) -> None:
     ]
     if motion.bones is not None:
         tall = float(np.ptp(np.concatenate([motion.joints()[0], _ends(motion)[0]])[:, 1]))
-        lines.append(f"it has bones of its own, {tall:.2f} m tall in the first frame")
+        lines.append(f"its own skeleton is {tall:.2f} m tall in the first frame")
     if len(motion.betas):
         lines.append(f"{len(motion.betas)} betas, the largest {np.abs(motion.betas).max():.2f}")
     if motion.dmpls is not None:
@@ -304,17 +306,16 @@ def convert(
     out: Annotated[
         Path | None, typer.Option(help="A .npz, .bvh or .glb; else FILE-BODY.npz.")
     ] = None,
-    to: Annotated[
-        str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN_BODIES}).")
-    ] = "default",
+    to: Annotated[str, typer.Option(help=f"The body to convert to ({KNOWN_BODIES}).")] = "default",
     source: Annotated[
         str | None, typer.Option("--from", help="The motion's own body; else a skeleton is fitted.")
     ] = None,
     names: Annotated[
         Path | None,
         typer.Option(
-            help="A .csv with lines such as Arm_L,left_shoulder: which joints or points names of "
-            "the file are, if they are none of Mixamo, CMU, Xsens and others that are known."
+            help="A .csv with lines such as Arm_L,left_shoulder: names in the file, and the joints "
+            "or points that they stand for, unless they are those of Mixamo, CMU, Xsens or others "
+            "that are known."
         ),
     ] = None,
     points: Annotated[
@@ -323,10 +324,7 @@ def convert(
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the named points in mm.")
     ] = 1e3 * SIGMA,
-    rate: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
-    ] = None,
+    rate: Rate = None,
     unit: Annotated[
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
     ] = None,

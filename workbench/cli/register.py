@@ -25,6 +25,7 @@ from workbench.cli.console import (
     print_page,
     rich_table,
     say,
+    say_notes,
     warn_of,
     warn_unused,
 )
@@ -57,7 +58,6 @@ from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.scan_jobs import MOST_POINTS
 from workbench.reports.folder import own_folder
 from workbench.reports.many import ImageFolder, RegistrationFolder
-from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
     begin_folder,
@@ -91,8 +91,8 @@ def register(
     camera: Annotated[
         str | None,
         typer.Option(
-            help="Place x,y,z from which each scan was taken, in the file's unit and axes, if it "
-            "was one; 0,0,0 for most depth cameras."
+            help="Place x,y,z of the camera, in the file's unit and axes, if each scan was taken "
+            "from one place; 0,0,0 for most depth cameras."
         ),
     ] = None,
     array: Annotated[
@@ -115,7 +115,8 @@ def register(
         bool, typer.Option("--model-only", help="Fit the body and leave its vertices as they are.")
     ] = False,
     subjects: Annotated[
-        Path | None, typer.Option(help="Table (.csv) of file and subject, maybe gender and set.")
+        Path | None,
+        typer.Option(help="Table (.csv) of file and subject, optionally gender and set."),
     ] = None,
     workers: Workers = 1,
     dask: Dask = None,
@@ -124,7 +125,7 @@ def register(
     """Register scans: fit a body to each from many starts, then free its vertices.
 
     Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply); of several
-    scans, a folder for each, for `workbench train`. After an interrupt the same command goes on.
+    scans, a folder for each, for `workbench train`. After an interrupt the same command continues.
     """
     console = Console()
     if not 0 <= boundary < math.inf:
@@ -140,7 +141,7 @@ def register(
         recipe = replace(recipe, vertex_stages=())
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
-        warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
+        warn_unused(console, ctx, for_several, "it is for several scans")
         _register_one(console, template, body, recipe, reading, jobs[0], out)
         return
     if skeleton is not None:
@@ -148,23 +149,13 @@ def register(
     rows = _rows(jobs, subjects)
     source = scans[0].resolve() if len(scans) == 1 else scans[0].resolve().parent
     folder = RegistrationFolder(
-        out / f"register-{source.name}", template, body, recipe, reading, str(source)
+        out / f"register-{source.name}", template, body, recipe, reading, str(source), rows
     )
     keys = {job: folder.key(job) for job in jobs}
     work = partial(registered, template, recipe, reading)
-
-    def finish(entries: Sequence[Entry], failed: Sequence[FailedScan]) -> Path:
-        return folder.finish(entries, [rows[entry.name] for entry in entries], failed)
-
     with executing(console, workers, dask) as executor:
         do_missing_jobs(
-            console,
-            folder,
-            keys,
-            lambda missing: ([found] for found in executor(work, missing)),
-            finish,
-            "scans",
-            "registered",
+            console, folder, keys, lambda missing: ([result] for result in executor(work, missing))
         )
 
 
@@ -197,8 +188,7 @@ def _register_one(
         )
     if isinstance(scan_fit, FailedScan):
         raise BadFile(scan_fit.reason)
-    for note in scan_fit.notes:
-        say(console, f"note: {escape(note)}")
+    say_notes(console, scan_fit.notes)
     warn_of(console, scan_fit.registration.doubts)
     console.print(rich_table(stages_table(scan_fit.registration)))
     if scan_fit.registration.measurements:
@@ -243,16 +233,13 @@ def do_missing_jobs(
     folder: ImageFolder | RegistrationFolder,
     keys: Mapping[Any, str],
     work: Callable[[Sequence[Any]], Iterable[Sequence[Any]]],
-    finish: Callable[[Sequence[Entry], Sequence[FailedFile]], Path],
-    files: str,
-    done: str,
 ) -> None:
     """Do the jobs that the folder does not hold under their keys, and finish it.
 
-    `work` yields what it found of some jobs at a time, or why a file failed; `finish` writes what
-    is over all and returns the page. In sentences, the `files` are `done`: scans are registered.
-    Exits with 1 if a file failed, and raises Interrupted after Ctrl-C.
+    `work` yields the results of some jobs at a time, or why a file failed. Exits with 1 if a file
+    failed, and raises Interrupted after Ctrl-C.
     """
+    files, done = folder.FILES, folder.DONE  # scans are registered
     kept = {job.name: folder.kept(job, key) for job, key in keys.items()}
     entries = {name: entry for name, entry in kept.items() if entry is not None}
     failed: list[FailedFile] = []
@@ -278,7 +265,7 @@ def do_missing_jobs(
                     else:
                         entries[name] = folder.keep(result, keys[result.job])
                 bars(files, len(entries) + len(failed), len(keys))
-        page = finish([entries[job.name] for job in keys if job.name in entries], failed)
+        page = folder.finish([entries[job.name] for job in keys if job.name in entries], failed)
     for name, entry in entries.items():
         warn_of(console, entry.facts.get("warnings", ()), f"{name}: ")
     print_page(console, "report", page)

@@ -13,7 +13,7 @@ from rich.table import Table as RichTable
 
 from workbench.blocks import Values
 from workbench.cli import Interrupted
-from workbench.cli.console import folder_to_write, print_page, rich_table, warn_of
+from workbench.cli.console import folder_to_write, print_page, rich_table, say_notes, warn_of
 from workbench.comparison.design import named_solvers
 from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument, BadFile, joined
@@ -22,6 +22,7 @@ from workbench.experiments import run as run_experiment
 from workbench.experiments.catalogue import SUMMARIES
 from workbench.experiments.experiment import REQUIRED_NAMES
 from workbench.experiments.running import Outcome
+from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
 from workbench.reports.page import Columns, Table, number
@@ -97,10 +98,11 @@ def carry_out(
     compare: bool,
     out: Path,
     verbose: bool = False,
-) -> tuple[Values, Path]:
-    """Run an experiment, print its summary, and write its report: the values, and the folder.
+) -> Values:
+    """Run an experiment, print its summary, and write its report into a folder of its name.
 
-    After an interrupt the report holds what was found until then, and the exit code is 130.
+    Returns the values of all blocks. After an interrupt the report holds the best point until
+    then, and the exit code is 130.
     """
     folder = folder_to_write(out, experiment.name, experiment.source)
     with LiveTrace(console, verbose) as trace:
@@ -116,7 +118,7 @@ def carry_out(
     print_page(console, "report", write_report(outcome, folder))
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
-    return outcome.values, folder
+    return outcome.values
 
 
 def prepare(
@@ -134,13 +136,16 @@ def build_setup(console: Console, experiment: Experiment) -> Setup:
     return experiment.setup()
 
 
-def solve_setup(console: Console, setup: Setup, solver: Solver) -> Values:
-    """Solve a setup, say how that ended, and return the values of all blocks at the end."""
+def solve_setup(console: Console, setup: Setup, solver: Solver) -> tuple[Values, tuple[str, ...]]:
+    """Solve a setup and say how that ended: the values of all blocks at the end, and doubts."""
     console.print("[dim]solving[/]")
     solution = solver.solve(setup.problem, setup.start)
     outcome = f"{solution.status.name}, cost {solution.cost:.6g}"
     console.print(f"[dim]{outcome}: {escape(solution.message)}[/]", soft_wrap=True)
-    return setup.start | solution.values
+    values = setup.start | solution.values
+    doubted = doubts(setup, values, solution, again=False)
+    warn_of(console, doubted)
+    return values, doubted
 
 
 def solver_named(name: str) -> Solver:
@@ -216,8 +221,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
             console.print(f"[bold yellow]{escape(sentence)}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
-    for note in outcome.setup.notes:
-        console.print(f"note: {escape(note)}", highlight=False)
+    say_notes(console, outcome.setup.notes)
     table = RichTable(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")
@@ -261,7 +265,8 @@ def _rank_line(what: str, d: Diagnosis) -> str:
             f"; along {d.weak_count} more, a change by a whole characteristic scale (such as 1 "
             "rad) changes the residuals by less than one sigma"
         )
-    named = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints]
+    directions = (*d.null_directions, *d.weak_directions)
+    named = [x.name.partition(":")[0] for x in directions if x.joints]  # without their entries
     short = list(dict.fromkeys(named))[:3]
     if short:
         sentence += f"; among them {', '.join(short)} (see the report)"

@@ -4,7 +4,6 @@ import pickle
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
-from inspect import Parameter
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -227,15 +226,17 @@ def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
 
 
 def numbering(experiment: Experiment) -> str:
-    """The argument that numbers an experiment's starts; "" if none does, or it is given already."""
-    known = parameters(experiment.build)
-    free = (n for n in NUMBERING if n in known and n not in experiment.arguments)
-    return next((name for name in free if _numbers_starts(known[name])), "")
+    """The argument that numbers an experiment's starts; "" if none does, or it has a value.
 
-
-def _numbers_starts(parameter: Parameter) -> bool:
-    """Whether an argument is a whole number: `start="procrustes"` is another thing."""
-    return isinstance(parameter.default, int) or parameter.annotation is int
+    It is a whole number: `start="procrustes"` is another thing.
+    """
+    for name in NUMBERING:
+        parameter = parameters(experiment.build).get(name)
+        if parameter is None or name in experiment.arguments:
+            continue
+        if isinstance(parameter.default, int) or parameter.annotation is int:
+            return name
+    return ""
 
 
 def named_solvers(solvers: Solvers) -> tuple[NamedSolver, ...]:

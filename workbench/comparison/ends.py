@@ -62,33 +62,31 @@ def basins(
     An end is not followed further if its residual already equals that of a known minimum, or if it
     is stationary.
     """
-    members_of: list[list[Basin]] = []
+    known: list[list[Basin]] = []
     numbers = []
     for end in ends:
         basin = _basin_at(problem, end, fixed)
-        k = _same_basin(problem, members_of, basin, fixed)
+        k = _same_basin(problem, known, basin, fixed)
         if k is None:
             if not basin.optimality <= STATIONARY:
                 basin = _basin_at(problem, polished(problem, end, fixed), fixed)
-                k = _same_basin(problem, members_of, basin, fixed)
+                k = _same_basin(problem, known, basin, fixed)
             if k is None:
-                k = len(members_of)
-                members_of.append([])
-            members_of[k].append(basin)
+                k = len(known)
+                known.append([])
+            known[k].append(basin)
         numbers.append(k)
-    lowest = [min(members, key=lambda basin: basin.cost) for members in members_of]
+    lowest = [min(members, key=lambda basin: basin.cost) for members in known]
     order = sorted(range(len(lowest)), key=lambda k: lowest[k].cost)
     rank = {k: i for i, k in enumerate(order)}
     return tuple(lowest[k] for k in order), tuple(rank[k] for k in numbers)
 
 
-def _same_basin(
-    problem: Problem, members_of: list[list[Basin]], basin: Basin, fixed: Array
-) -> int | None:
+def _same_basin(problem: Problem, known: list[list[Basin]], end: Basin, fixed: Array) -> int | None:
     """The first basin with a member that has the same residual."""
-    for k, members in enumerate(members_of):
+    for k, members in enumerate(known):
         for member in members:
-            if one_minimum(problem, fixed, member.x, member.residual, basin.residual):
+            if one_minimum(problem, fixed, member.x, member.residual, end.residual):
                 return k
     return None
 

@@ -142,7 +142,7 @@ class RunMeter:
 
 
 def _taken(name: str) -> Any:
-    """An attribute of a metered problem by which its evaluations can go on unseen.
+    """An attribute of a metered problem whose use may lead to evaluations that are not counted.
 
     It is noted if it is taken from outside of the workbench.
     """

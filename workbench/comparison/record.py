@@ -67,8 +67,8 @@ class RunLog:
     def better(self, x: Array, counts: Array, seconds: float, cost: float) -> None:
         """Record an improvement; when the file is full it replaces the last one."""
         k = min(int(self.numbers[1]), ROWS - 1)
-        at = HEAD + self.n + ROW * k
-        self.numbers[at : at + ROW] = (*counts, seconds, cost)
+        begin = HEAD + self.n + ROW * k
+        self.numbers[begin : begin + ROW] = (*counts, seconds, cost)
         self.numbers[HEAD : HEAD + self.n] = x
         self.numbers[1] = k + 1
 
@@ -201,13 +201,13 @@ class Record:
         if not len(counts) == len(spent) == len(KINDS) or not np.isfinite(spent).all():
             raise BadFile(f"counts are {counts} and times {spent}, of {len(KINDS)} kinds")
         claim = plain.pop("claim")  # older files have older names of statuses
-        seen = facts.whole("not_finite"), facts.duration("seconds"), best, trace
+        observed = facts.whole("not_finite"), facts.duration("seconds"), best, trace
         return Record(
             **plain,
             ending=RunEnding[facts.among("ending", RunEnding.__members__)],
             claim=Status[claim].name if claim in Status.__members__ else claim,
             end=end,
-            observed=ObservedRun(counts, spent, *seen, facts.truth("taken")),
+            observed=ObservedRun(counts, spent, *observed, facts.truth("taken")),
         )
 
 
@@ -238,7 +238,6 @@ class Description:
     start_cost: float  # the cost at the start
     known_cost: float  # the cost of the known answer; NaN if none is known
     known_source: str  # where the known answer comes from
-    certified: bool  # whether the values of the known answer are known
     question: str  # the question that the experiment asks
 
     def stored(self) -> Stored:

@@ -169,8 +169,8 @@ def target_outcome(
     """What became of a run.
 
     `lowest` says whether its end leads to the lowest cost known; None if that is not known. If the
-    end is stationary, `at_saddle` says whether the curvature there is negative. What a solver says
-    of an end above the lowest cost is believed only where it is no praise.
+    end is stationary, `at_saddle` says whether the curvature there is negative. Of an end above the
+    lowest cost a solver's own status counts only if it admits a failure.
     """
     if record.ending in OUTCOME_OF_ENDING:
         return OUTCOME_OF_ENDING[record.ending]

@@ -80,7 +80,6 @@ def describe(instance: str, setup: Setup) -> Description:
         start_cost=look(problem, *problem.split(setup.start))[0],
         known_cost=np.nan if known is None or known.cost is None else float(known.cost),
         known_source="" if known is None else str(known.source),
-        certified=known is not None and known.values is not None,
         question=setup.question,
     )
 

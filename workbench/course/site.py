@@ -12,13 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from workbench.course.cells import cells
-from workbench.course.notebooks import (
-    Notebook,
-    notebook,
-    tool,
-    without_results,
-    write_notebook,
-)
+from workbench.course.notebooks import Notebook, notebook, tool, without_results, write_notebook
 from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
@@ -81,7 +75,7 @@ def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
             namespaces.patch_docutils(),
             namespaces.docutils_namespace(),
         ):
-            # what the libraries have to say to each other about their next versions
+            # of these libraries about each other
             warnings.simplefilter("ignore", DeprecationWarning)
             warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = sphinx.Sphinx(

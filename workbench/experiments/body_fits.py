@@ -175,8 +175,8 @@ def body_outliers(
 ) -> Setup:
     """Fit vertices of which a `share` is 0.3 m off and the rest 5 mm, with one of KERNELS.
 
-    `squares` trust all vertices, and `huber` bounds the pull of each. With `geman-mcclure` far
-    vertices hardly pull, also good ones that are far off only because of where the fit starts.
+    `squares` trust all vertices, and `huber` bounds the influence of each. With `geman-mcclure` far
+    vertices have hardly any, also good ones that are far off only because of where the fit starts.
     Raises UnknownName for another kernel.
     """
     check_known("kernel", kernel, KERNELS)
@@ -296,12 +296,10 @@ def body_cameras(
     )
 
 
-def _linear_blend_skinning(body: SkinnedBody) -> SkinnedBody:
-    return replace(body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS")
-
-
 MODELS: Mapping[str, Callable[[SkinnedBody], SkinnedBody | TriangleBody]] = {
-    "lbs": _linear_blend_skinning,
+    "lbs": lambda body: replace(
+        body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS"
+    ),
     "smpl": lambda body: body,
     "scape": scape,
     "blend-scape": blend_scape,

@@ -188,7 +188,7 @@ def run_file(path: Path, instead: str) -> tuple[ModuleType, str]:
     if folder not in sys.path:
         sys.path.insert(0, folder)
     with user_errors(source):
-        # what Python keeps of a file is that of another one of the same size and second
+        # not by the bytecode that Python keeps: a file changed within a second has the old one
         exec(compile(path.read_bytes(), source, "exec"), vars(module))
     return module, source
 

@@ -78,7 +78,9 @@ def body_video(
     terms: list[Residual] = []
     blocks: list[Block] = []
     shared = [betas.name]
-    values = dict(_start_of_all(model, seed, start, frames))
+    values = dict(random_start(model, seed, start))
+    for name in (pose.name, trans.name):
+        values[name] = np.repeat(values[name][None], frames, axis=0)
     for i in range(cameras):
         camera = Camera(f"camera {i + 1}/")
         residual, observations = camera_residual(points, camera, names, noise, quadratic)
@@ -128,13 +130,6 @@ def walk(body: Body, rng: np.random.Generator, frames: int) -> Values:
             poses[:, body.joint_names.index(joint), 0] += angle * phase
     steps = SPEED * (np.arange(frames) - (frames - 1) / 2)
     return person | {pose: poses, trans: person[trans] + steps[:, None] * [0.0, 0.0, 1.0]}
-
-
-def _start_of_all(body: Body, seed: int, start: int, frames: int) -> Values:
-    """The start by `random_start`, with the same pose and trans in every frame."""
-    pose, _, trans = (block.name for block in body.blocks())
-    values = random_start(body, seed, start)
-    return values | {name: np.repeat(values[name][None], frames, axis=0) for name in (pose, trans)}
 
 
 def _measures(body: Body, values: Mapping[str, Array], truth: Values) -> tuple[Measure, ...]:

@@ -167,10 +167,10 @@ def run(
     solution = solver.solve(setup.problem, setup.start, callback=callback)
     if not np.isfinite(solution.cost):
         raise WorkbenchError(
-            f"{experiment.name} has no finite cost, or no slope, where it starts: "
+            f"{experiment.name} has no finite cost, or no derivatives, where it starts: "
             f"{solution.message}"
         )
-    name = called(chosen, solver, solution)
+    name = _solver_name(chosen, solver, solution)
     values = dict(setup.start) | solution.values
     progress("looking at the Jacobian")
     diagnosis = diagnose_whole(setup.problem, values, priors=setup.priors, gauges=setup.gauges)
@@ -207,7 +207,7 @@ def run(
     )
 
 
-def called(chosen: Solver | None, solver: Solver, solution: Solution) -> str:
+def _solver_name(chosen: Solver | None, solver: Solver, solution: Solution) -> str:
     """The name of a solver in `SOLVERS`, or what it calls itself."""
     if chosen is not None and solver is not chosen:
         return solution.solver  # with the stages and starts of a setup

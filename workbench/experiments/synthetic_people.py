@@ -36,9 +36,7 @@ def looking_in(angle: float) -> Mapping[str, Array]:
 
 
 TRANS_SIGMA = 0.2  # m
-TIGHT_TOLERANCE = (
-    1e-9  # gradient tolerance, with which costs have more digits than are ever compared
-)
+TIGHT = 1e-9  # gradient tolerance, with which costs have more digits than are ever compared
 MADE_OF_THE_MODEL = (
     "the observed body is the model itself, in a pose and a shape drawn at random, with noise "
     "where the question names some; nobody was measured, and a real person is no body of the model"
@@ -125,9 +123,9 @@ def with_refined_answer(setup: Setup, truth: Values, begin: Values | None = None
     `begin` is where the solver begins if `truth` violates the bounds. It is IPOPT if there are
     bounds, and Levenberg and Marquardt's otherwise.
     """
-    solver: Solver = LevenbergMarquardt(gradient_tolerance=TIGHT_TOLERANCE, max_iterations=500)
+    solver: Solver = LevenbergMarquardt(gradient_tolerance=TIGHT, max_iterations=500)
     if setup.problem.bounded:
-        solver = Ipopt(gradient_tolerance=TIGHT_TOLERANCE)
+        solver = Ipopt(gradient_tolerance=TIGHT)
     solution = solver.solve(setup.problem, setup.start | (begin or truth))
     source = (
         f"{solution.solver} from the synthetic person that the data were made of; no proof that "

@@ -98,7 +98,7 @@ def cameras_of(
 def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, Candidate]:
     count = len(body.landmark_names(landmark_set(body)))
     seen = _keypoints(body, Camera(PREFIX), np.ones(count), sigma)
-    return {name: Candidate((seen,), one) for name, one in numbers.items()}
+    return {name: Candidate((seen,), values) for name, values in numbers.items()}
 
 
 def marker_candidates(
@@ -115,8 +115,8 @@ def marker_candidates(
     """
     names = marker_set.names
     seen = Block(PREFIX + "seen", (len(names),), "1", names)  # weights, which count one alone
-    at = [block.symbol for block in body.blocks()]
-    points = marker_set.on(body).landmark_points(MARKERS, *at)
+    symbols = [block.symbol for block in body.blocks()]
+    points = marker_set.on(body).landmark_points(MARKERS, *symbols)
     origin = np.zeros((len(names), 3))
     spread = float(np.hypot(sigma, offset_sigma))
     rows = replace(landmarks(points, origin, sigma=spread, name=MARKERS), weights=seen.symbol)

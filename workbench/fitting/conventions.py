@@ -1,6 +1,6 @@
 """Which other convention of keypoints or cameras would make a doubted fit a good one."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, permutations
@@ -41,7 +41,7 @@ MOST_ORDERED = 4  # cameras, of which all orders are tried; else two that are ex
 LARGEST_DISAGREEMENT = 0.02  # of the person's size in an image: how far rays miss each other
 OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
 PERSON_SIZES = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
-UNITS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
+UNITS = {"mm": 1e-3, "cm": 1e-2, "inches": 0.0254}
 
 
 def opposite(name: str) -> str:
@@ -69,15 +69,18 @@ def mirrored(view: View) -> View:
     return replace(view, observed=view.observed * [-1, 1] + [view.size[0], 0])
 
 
-def readings(names: Sequence[str]) -> dict[str, Callable[[View], View]]:
-    """Other readings of keypoints with these names, by the words of a doubt: `if ...`."""
+def readings(names: Sequence[str], seen: Collection[str]) -> dict[str, Callable[[View], View]]:
+    """Other readings of keypoints with these names, by the words of a doubt: `if ...`.
+
+    Other orders are those of files with COCO's keypoints, and no others `seen`.
+    """
     changes: dict[str, Callable[[View], View]] = {
         SIDES: lambda view: sides_exchanged(view, names),
         UPWARDS: y_upwards,
         HALF_TURN: lambda view: y_upwards(mirrored(view)),
         "u and v were exchanged": lambda view: replace(view, observed=view.observed[:, ::-1]),
     }
-    if {*COCO} <= {*names}:
+    if {*COCO} <= {*names} and {*seen} <= {*COCO}:
         for what, order in ORDERS.items():
             changes[f"they are in the order of {what}, not COCO's"] = partial(
                 _reordered, names=names, order=order
@@ -104,7 +107,9 @@ def better_reading(setup: Setup, values: Values, solution: Solution, *, doubted:
     views = [view for view in setup.views if not view.held_out]
     if setup.body is None or not views:
         return ""
-    known = readings(setup.body.landmark_names(views[0].landmarks))
+    names = setup.body.landmark_names(views[0].landmarks)
+    seen = np.any([view.confidence > 0 for view in views], axis=0)
+    known = readings(names, [name for name, one in zip(names, seen, strict=True) if one])
     if len(views) > 1:
         known[MIRRORED] = mirrored
     head = all(is_upside_down(setup, view, values) for view in views)
@@ -116,7 +121,8 @@ def better_reading(setup: Setup, values: Values, solution: Solution, *, doubted:
         up = min((UPWARDS, HALF_TURN), key=lambda what: costs[what])
         if costs[up] < CLOSE_RATIO * costs[best] or costs[best] > solution.cost:
             return f"the person stands on their head in the image; if they do not, {up}"
-    if best and costs[best] < BETTER_SHARE * solution.cost:
+    one_sigma = setup.problem.size / 2  # the cost of what is met as well as is expected
+    if best and costs[best] < min(BETTER_SHARE * solution.cost, one_sigma):
         share = 100 * costs[best] / solution.cost
         return f"the keypoints would fit better, at {share:.0f} % of the cost, if {best}"
     return ""
@@ -195,8 +201,11 @@ def unit_of_translations(views: Sequence[View], values: Values) -> str:
     size = float(np.linalg.norm(points[:, None] - points, axis=-1).max(initial=0.0))
     if not size or PERSON_SIZES[0] <= size <= PERSON_SIZES[1]:
         return ""
-    fitting = [unit for unit, m in UNITS.items() if PERSON_SIZES[0] <= m * size <= PERSON_SIZES[1]]
-    return fitting[0] if fitting else "another unit"
+    low, high = PERSON_SIZES
+    fitting = [unit for unit, m in UNITS.items() if low <= m * size <= high]
+    usual = np.sqrt(low * high)  # m; in cm a person who is given in inches is a small one
+    nearest = min(fitting, key=lambda unit: abs(np.log(UNITS[unit] * size / usual)), default="")
+    return nearest or "another unit"
 
 
 def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[str]) -> str:
@@ -221,15 +230,15 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
         tried.append((what, views, changed))
     tried += [(what, seen, values) for what, seen in _other_views(views, names)]
     with np.errstate(all="ignore"):
-        here, best, said = disagreement(views, values), LARGEST_DISAGREEMENT / 0.8, ""
+        here, best, phrase = disagreement(views, values), LARGEST_DISAGREEMENT / 0.8, ""
         for what, seen, changed in tried:
             off = disagreement(seen, changed)
             if off < min(0.8 * best, here / 3):
-                best, said = off, what
+                best, phrase = off, what
                 if unit := unit_of_translations(seen, changed):
-                    said = f"{what}, with translations in {unit}"
-        if said or len(views) < 3:
-            return said
+                    phrase = f"{what}, with translations in {unit}"
+        if phrase or len(views) < 3:
+            return phrase
         others = [disagreement((*views[:k], *views[k + 1 :]), values) for k in range(len(views))]
     k = int(np.argmin(np.nan_to_num(others, nan=np.inf)))
     if not others[k] < LARGEST_DISAGREEMENT:
@@ -258,5 +267,8 @@ def _conventions(extrinsics: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
     every = range(len(extrinsics))
     swapped = ([{i: j, j: i}.get(k, k) for k in every] for i, j in combinations(every, 2))
     for order in permutations(every) if len(extrinsics) <= MOST_ORDERED else swapped:
-        said = ", ".join(str(k + 1) for k in order)
-        yield f"the cameras belong to the files in the order {said}", [extrinsics[k] for k in order]
+        numbers = ", ".join(str(k + 1) for k in order)
+        yield (
+            f"the cameras belong to the files in the order {numbers}",
+            [extrinsics[k] for k in order],
+        )

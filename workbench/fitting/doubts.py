@@ -33,6 +33,7 @@ from workbench.geometry.rigid import procrustes
 from workbench.solvers import Solution, Status
 
 LARGEST_FRACTION = 1.5  # px: keypoints that all lie within are fractions of the image
+LARGEST_CENTRE_OFFSET = 0.2  # of the image: a principal point that is farther from its middle
 MISSED_KEYPOINT = 0.05  # m at the person's distance: a keypoint that is farther away is missed
 MOST_MISSED_SHARE = 0.25  # of the keypoints
 OUTLIER_DISTANCE = 0.15  # m: a keypoint that is farther away counts as an outlier
@@ -46,6 +47,7 @@ LARGEST_BETA = 3.5  # standard deviations
 LARGEST_POSE_SQUARE = 2.0  # mean square of the pose in standard deviations of its prior
 STATURES = 1.2, 2.2  # m
 DISTANCES = 0.5, 60.0  # m, from the camera
+FAR_OFF = 5.0  # sigmas, root mean square: a residual that explains its data so badly
 WELL_MET = 0.3  # sigmas, root mean square: data that are met so well count less than they seem to
 UNLIKELY_BY_PRIOR = 1.5  # sigmas, root mean square of a prior's rows, beside data that are met
 MISSED_VERTEX = 0.03  # m, of the median vertex of a mesh
@@ -89,7 +91,7 @@ def doubts(
     body = setup.body if setup.moving is None else setup.moving.body
     moments = [] if body is None else _moments(setup, values)
     by_moment = [] if body is None else [_of_moment(body, *moment) for moment in moments]
-    wrong = _often([one for one, _ in by_moment])
+    wrong = _often([of_views for of_views, _ in by_moment])
     if wrong:  # all else follows from it
         return (*sentences, *wrong)
     sentences += _often([other for _, other in by_moment])
@@ -107,7 +109,7 @@ def doubts(
         sentences += of_person(body, values[betas]) if betas in free else ()
         if moments and pose in free and POSE_PRIOR in setup.problem.rows:
             odd += of_pose(body, values[pose])
-    sentences += [*setup.doubts(values), *_priors(setup, values)]
+    sentences += [*setup.doubts(values), *_of_residuals(setup, values)]
     if setup.moving is None and moments and (sentences or odd or again):
         better = better_reading(setup, values, solution, doubted=bool(sentences or odd))
         if better:
@@ -129,8 +131,8 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
     pose, betas, trans = (block.name for block in body.blocks())
     sure = [(view.confidence > LEAST_CONFIDENCE).any(axis=1) for view in views]
     seen = np.flatnonzero(np.all(sure, axis=0))
-    at = np.unique(np.linspace(0, len(seen) - 1, FRAMES_LOOKED_AT).round().astype(int))
-    some = seen[at] if len(seen) else []
+    spread = np.unique(np.linspace(0, len(seen) - 1, FRAMES_LOOKED_AT).round().astype(int))
+    some = seen[spread] if len(seen) else []
     shapes = np.broadcast_to(values[betas], (len(values[pose]), values[betas].shape[-1]))
     return [
         (
@@ -143,11 +145,11 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
 
 def _often(moments: Sequence[Said]) -> list[str]:
     """What is said of most moments, as it is said of the one in their middle."""
-    count = Counter(about for said in moments for about in said)
+    count = Counter(about for by_subject in moments for about in by_subject)
     sentences = []
     for about, n_frames in count.items():
         if n_frames > OFTEN_SHARE * len(moments):
-            alike = [said[about] for said in moments if about in said]
+            alike = [by_subject[about] for by_subject in moments if about in by_subject]
             frames = f"in {n_frames} of {len(moments)} frames " if len(moments) > 1 else ""
             sentences.append(frames + alike[len(alike) // 2])
     return sentences
@@ -162,6 +164,13 @@ def _of_moment(body: Body, views: Views, values: Values) -> tuple[Said, Said]:
             wrong[f"unit of {view.name}"] = (
                 f"all keypoints of {view.name} lie within {farthest:.2g} px: "
                 "they are fractions of the image; multiply them by its width and height in px"
+            )
+        centre = values[view.camera.centre.name]
+        if np.abs(centre / view.size - 0.5).max() > LARGEST_CENTRE_OFFSET:
+            wrong[f"centre of {view.name}"] = (
+                f"the principal point of {view.name} is {centre[0]:.0f}, {centre[1]:.0f} px in an "
+                f"image of {view.size[0]}x{view.size[1]} px; check whether it was calibrated with "
+                "images of this size that were not turned"
             )
     if len(views) > 1:
         wrong |= _views(body, views, values)
@@ -196,6 +205,14 @@ def _view(body: Body, view: View, values: Values, of: str) -> Said:
     landmarks = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
     depth = float(np.median(view.camera.depths(landmarks, values)))
     against: Said = {}
+    seen = view.confidence > LEAST_CONFIDENCE
+    outside: Mask = np.asarray(((view.observed < 0) | (view.observed > view.size)).any(axis=1))
+    if outside[seen].sum() > MOST_MISSED_SHARE * seen.sum():
+        against[f"size{of}"] = (
+            f"{outside[seen].sum()} of {seen.sum()} keypoints{of} lie outside of the image of "
+            f"{view.size[0]}x{view.size[1]} px; check its size, or give no confidence to those "
+            "that the detector only guessed"
+        )
     if not DISTANCES[0] <= depth <= DISTANCES[1]:
         against["distance"] = (
             f"the person is {depth:,.2f} m from the camera; check the size of the image, the "
@@ -205,7 +222,7 @@ def _view(body: Body, view: View, values: Values, of: str) -> Said:
         return against
     focal = float(np.mean(values[view.camera.focal.name]))
     px = np.linalg.norm(view.camera.pixels(landmarks, values) - view.observed, axis=1)
-    seen, off = view.confidence > LEAST_CONFIDENCE, px * depth / focal  # m
+    off = px * depth / focal  # m
     if not seen.any():
         return against
     far, share = off > OUTLIER_DISTANCE, float(np.mean(off[seen] > MISSED_KEYPOINT))
@@ -281,28 +298,17 @@ def of_markers(
     scale = _extent(observed) / _extent(body.landmark(MARKERS)[None])
     if not 1 / OTHER_SIZE_RATIO < scale < OTHER_SIZE_RATIO:
         units = (w for f, w in UNIT_MISTAKES.items() if 1 / PERSON_RATIO < scale / f < PERSON_RATIO)
-        taken = next((f", as if {what}" for what in units), "")
+        mistake = next((f", as if {what}" for what in units), "")
         yield (
-            f"the markers reach {scale:.3g} times as far as those of the body{taken}; "
+            f"the markers reach {scale:.3g} times as far as those of the body{mistake}; "
             "check their unit, and whether the body is the one that wore them"
         )
         return
     pose, betas, trans = (values[block.name] for block in body.blocks())
     nominal = body.landmark(MARKERS, pose, betas, trans, marker_set.nominal)
-    opposites = [OPPOSITE_LETTER.get(label[:1], label[:1]) + label[1:] for label in names]
-    other = [names.index(label) if label in names else -1 for label in opposites]
-    torso = np.isin(np.array(body.joint_names)[marker_set.leaders(body)], TORSO) & (
-        np.array(other) >= 0
-    )
-    if torso.sum() >= FEWEST_TORSO_MARKERS:
-        rest = body.landmark(MARKERS, betas=betas, offsets=marker_set.nominal)
-        own, exchanged = (
-            _rigid_error(rest[torso], places)
-            for places in (observed[:, torso], observed[:, np.array(other)[torso]])
-        )
-        if exchanged < own / 2:
-            yield "left and right of the markers are exchanged, or the recording is mirrored"
-            return
+    if _sides_of_markers_exchanged(body, marker_set, observed, betas):
+        yield "left and right of the markers are exchanged, or the recording is mirrored"
+        return
     seen: Mask = np.asarray(np.isfinite(observed).all(axis=-1))
     off = np.linalg.norm(nominal - observed, axis=-1)  # m, (T, M)
     medians = np.array(
@@ -322,6 +328,21 @@ def of_markers(
             "body, in the median; check the labels, the marker set and the body"
         )
     yield from of_person(body, betas)
+
+
+def _sides_of_markers_exchanged(
+    body: SkinnedBody, marker_set: MarkerSet, observed: Array, betas: Array
+) -> bool:
+    """Whether the markers of the torso fit much better with left and right exchanged."""
+    names = marker_set.names
+    opposites = [OPPOSITE_LETTER.get(label[:1], label[:1]) + label[1:] for label in names]
+    other = np.array([names.index(label) if label in names else -1 for label in opposites])
+    torso = np.isin(np.array(body.joint_names)[marker_set.leaders(body)], TORSO) & (other >= 0)
+    if torso.sum() < FEWEST_TORSO_MARKERS:
+        return False
+    rest = body.landmark(MARKERS, betas=betas, offsets=marker_set.nominal)[torso]
+    own = _rigid_error(rest, observed[:, torso])
+    return _rigid_error(rest, observed[:, other[torso]]) < own / 2
 
 
 def _extent(places: Array) -> float:
@@ -356,14 +377,26 @@ def pose_square(body: Body, pose: Array) -> Array:
     return np.asarray(np.sum(flat * whole, axis=-1) / flat.shape[-1])
 
 
-def _priors(setup: Setup, values: Values) -> Iterator[str]:
-    """Data that are met far better than their sigma says, by a body that the priors object to."""
+def _of_residuals(setup: Setup, values: Values) -> Iterator[str]:
+    """Data that are missed by many sigmas, or met far better, by a body that priors object to."""
     problem = setup.problem
-    if not setup.priors or len(setup.priors) == len(problem.residuals):
-        return
     residual = problem.residual(*problem.split(values))
+    sizes = {
+        name: float(np.sqrt(np.mean(residual[rows] ** 2)))
+        for name, rows in problem.rows.items()
+        if name not in setup.priors
+    }
+    if not sizes:
+        return
+    worst = max(sizes, key=lambda name: sizes[name])
+    if FAR_OFF < sizes[worst] < np.inf:
+        yield (
+            f"residual {worst!r} is {sizes[worst]:.3g} times its sigma (root mean square), so that "
+            "the standard deviations of a diagnosis are too small; check the formula and its "
+            "units, outliers, bounds that exclude the answer, and sigma"
+        )
     prior = problem.rows_named(setup.priors)
-    if not prior.any() or prior.all():
+    if not prior.any():
         return
     of_prior, of_data = (float(np.sqrt(np.mean(residual[rows] ** 2))) for rows in (prior, ~prior))
     if of_data < WELL_MET and of_prior > UNLIKELY_BY_PRIOR:

@@ -110,8 +110,8 @@ def checked_hand(body: Body) -> SkinnedBody:
 
 def points_of(body: SkinnedBody, values: Values) -> Array:
     """The points `HAND_POINTS` (21, 3) m of a hand in numbers."""
-    at = [values[block.name] for block in body.blocks()]
-    every = np.concatenate([body.joints(*at), body.landmark(TIPS, *at)])
+    numbers = [values[block.name] for block in body.blocks()]
+    every = np.concatenate([body.joints(*numbers), body.landmark(TIPS, *numbers)])
     names = [*body.joint_names, *body.landmark_names(TIPS)]
     return np.asarray(every[[names.index(name) for name in HAND_POINTS]])
 

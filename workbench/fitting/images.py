@@ -423,16 +423,16 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
     assert body is not None
     assert keypoints is not None
     names = [block.name for block in body.blocks()]
-    at = [values[name] for name in names]
+    numbers = [values[name] for name in names]
     axis = matrix_from_vector(values[camera.rotation.name])[2]
     gradient = np.zeros(setup.problem.free.size)
     for i, name in enumerate(names):
-        steps, ends = DIFFERENCE_STEP * np.eye(at[i].size).reshape(-1, *at[i].shape), []
+        steps, ends = DIFFERENCE_STEP * np.eye(numbers[i].size).reshape(-1, *numbers[i].shape), []
         for step in (steps, -steps):
-            moved = [*at[:i], at[i] + step, *at[i + 1 :]]
+            moved = [*numbers[:i], numbers[i] + step, *numbers[i + 1 :]]
             ends.append(body.joints(moved[0], moved[1], moved[2])[:, 0] @ axis)
         gradient[setup.problem.free.slices[name]] = (ends[0] - ends[1]) / (2 * DIFFERENCE_STEP)
-    depth = float(camera.depths(body.joints(*at)[:1], values)[0])
+    depth = float(camera.depths(body.joints(*numbers)[:1], values)[0])
     here = setup.problem.linearize(values)
     by_data = here.covariance @ gradient
     px = float(np.mean(values[camera.focal.name])) / depth  # of 1 m
@@ -444,7 +444,7 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
 def _keypoints_of(setup: Setup, view: View) -> Residual | None:
     """The residual of the keypoints of a view, or None if the problem has none of its name."""
     name = f"keypoints({view.camera.prefix.rstrip('/')})"
-    return next((one for one in setup.problem.residuals if one.name == name), None)
+    return next((residual for residual in setup.problem.residuals if residual.name == name), None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -487,7 +487,8 @@ def image_mean(setup: Setup, values: Values) -> ImageMean:
     drawn = [setup.problem.values(x, fixed) for x in posterior.draws]
     places = body.landmark(kind, *(np.array([draw[name] for draw in drawn]) for name in blocks))
     mean, likeliest = (
-        body.landmark(kind, *(at[name] for name in blocks)) for at in (posterior.values, values)
+        body.landmark(kind, *(point[name] for name in blocks))
+        for point in (posterior.values, values)
     )
     return ImageMean(
         posterior.values,

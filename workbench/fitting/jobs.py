@@ -149,9 +149,9 @@ class ImageWork:
     def __call__(self, jobs: Sequence[FileJob]) -> list[FittedImage | FailedFile]:
         """What was found of each image, in their order. Only Ctrl-C is raised."""
         fits = ImageFits(self.body, self.recipe)
-        return [self._one(fits, job) for job in jobs]
+        return [self._fitted(fits, job) for job in jobs]
 
-    def _one(self, fits: ImageFits, job: FileJob) -> FittedImage | FailedFile:
+    def _fitted(self, fits: ImageFits, job: FileJob) -> FittedImage | FailedFile:
         try:
             observed = self.reading.observations([job.path])
             setup = fits.setup(observed, job.name, hypotheses=self.hypotheses)
@@ -174,8 +174,8 @@ class ImageWork:
         return FittedImage(
             job,
             dict(solution.values),
-            tuple(dict(one.values) for one in solution.hypotheses[1:]),
-            tuple(one.cost for one in solution.hypotheses) or (solution.cost,),
+            tuple(dict(hypothesis.values) for hypothesis in solution.hypotheses[1:]),
+            tuple(hypothesis.cost for hypothesis in solution.hypotheses) or (solution.cost,),
             solution.status.name,
             float(np.mean(off)) if off.size else np.nan,
             float(view.camera.depths(joints[:1], whole)[0]),

@@ -258,8 +258,8 @@ def keypoint_fit(
         fitted = [view for view in shown.views if not view.held_out]
         best = max(fitted, key=lambda view: float(view.confidence.sum()))
         with suppress(BadArgument, BadObservation):
-            begun = regressed_start(shipped_regressor(), body, best, shown.start)
-            shown = replace(shown, start={**shown.start, **begun})
+            regressed = regressed_start(shipped_regressor(), body, best, shown.start)
+            shown = replace(shown, start={**shown.start, **regressed})
     of = KeypointProblem(body, sigmas, kernels, relative=relative)
     return shown.setup(of, question, reference, compared)
 

@@ -62,7 +62,7 @@ def _shape_of(body: Body, pose: Array, mesh: Array) -> tuple[Array, Array]:
     B = body.n_betas
     sigma = RIGID_ERROR * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
     mean, *along = body.vertices(pose, np.vstack([np.zeros(B), np.eye(B)]))
-    columns = [(one - mean).ravel() for one in along]
+    columns = [(moved_vertices - mean).ravel() for moved_vertices in along]
     columns += [np.tile(axis, body.n_vertices) for axis in np.eye(3)]
     A = np.column_stack(columns) / sigma
     prior = np.eye(B, B + 3)  # none on trans
@@ -143,12 +143,13 @@ def own_mesh(path: str | Path, body: SkinnedBody | TriangleBody, sigma: float) -
     Raises BadFile for another number of vertices, a file format that does not keep their order
     (.stl), or a size that no person has.
     """
-    mesh = read_registered(Path(path))
+    mesh = read_registered(Path(path), points_alone=True)
     observed = mesh.vertices
     if len(observed) != body.n_vertices:
         raise BadFile(
             f"{path} has {len(observed)} vertices, but body {body.name!r} has {body.n_vertices}; "
-            "give a mesh of the body's topology, vertices in its order, or another --body"
+            "give a mesh of the body's topology, vertices in its order, or another --body; "
+            "`workbench register` takes a scan"
         )
     spread = np.linalg.norm(observed.std(axis=0)) / np.linalg.norm(body.template.std(axis=0))
     if not 1 / 3 < spread < 3:

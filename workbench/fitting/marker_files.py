@@ -95,7 +95,7 @@ def upright(
         if lost.all():
             raise BadFile("no marker was seen in any frame")
         places = np.where(lost[..., None], np.nan, trajectories.places)
-        unit, said = unit_of(
+        unit, unit_note = unit_of(
             float(extents(places).max()),
             unit,
             trajectories.unit,
@@ -103,9 +103,9 @@ def upright(
             what="the markers of a frame reach {}",
         )
         places = places * UNITS[unit]
-        axis, why = up_of(places, up, names=trajectories.labels, what="the recording")
-    share = f"{100 * lost.mean():.1f} % of the places of markers are missing"
-    notes = (said, why, share, *trajectories.notes)
+        axis, axis_note = up_of(places, up, names=trajectories.labels, what="the recording")
+    missing_note = f"{100 * lost.mean():.1f} % of the places of markers are missing"
+    notes = (unit_note, axis_note, missing_note, *trajectories.notes)
     return MarkerRecording(places @ UP_TO_Y[axis].T, trajectories.labels, trajectories.fps, notes)
 
 

@@ -62,8 +62,8 @@ class MarkerSet:
                     f"0 to {body.n_vertices - 1}"
                 )
         chosen = np.array([vertices[name] for name in names], dtype=np.int64)
-        taken, first = np.unique(chosen, return_index=True)
-        if len(taken) < len(chosen):
+        used, first = np.unique(chosen, return_index=True)
+        if len(used) < len(chosen):
             again = next(i for i in range(len(chosen)) if i not in first)
             same = names[int(np.flatnonzero(chosen == chosen[again])[0])]
             raise BadArgument(
@@ -75,8 +75,8 @@ class MarkerSet:
     def on(self, body: SkinnedBody) -> SkinnedBody:
         """The body with these markers as its landmark set `markers`."""
         M = len(self.names)
-        at = (np.ones(M), (np.arange(M), self.vertices))
-        regressor = csr_array(at, shape=(M, body.n_vertices))
+        entries = (np.ones(M), (np.arange(M), self.vertices))
+        regressor = csr_array(entries, shape=(M, body.n_vertices))
         return replace(
             body, landmarks={**body.landmarks, MARKERS: Landmarks(self.names, regressor)}
         )
@@ -160,8 +160,10 @@ def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
         direction = np.array(towards) / np.linalg.norm(towards)
         along = offset @ direction
         off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - ALONG_WORTH * along
-        out = (along > 0) & (normals @ direction > LEAST_FACING) & (side * body.template[:, 0] >= 0)
-        off[~out | np.isin(np.arange(len(off)), list(chosen.values()))] = np.inf
+        outside = (
+            (along > 0) & (normals @ direction > LEAST_FACING) & (side * body.template[:, 0] >= 0)
+        )
+        off[~outside | np.isin(np.arange(len(off)), list(chosen.values()))] = np.inf
         chosen[name] = int(np.argmin(off))
     return chosen
 
@@ -210,7 +212,10 @@ def matched(
             "say which marker each one is (--labels MAP.csv), or give a marker set with the names "
             "of your labels (--marker-set FILE.json)"
         )
-    named, best = [one for one in subjects if one], max(subjects, key=lambda one: subjects[one])
+    named, best = (
+        [subject for subject in subjects if subject],
+        max(subjects, key=lambda subject: subjects[subject]),
+    )
     column_of: dict[str, int] = {}
     for subject in (best, *(named if len(named) == 1 else ()), ""):
         for place, meaning in enumerate(meanings):

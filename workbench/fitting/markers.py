@@ -75,7 +75,7 @@ def offset_prior(
     rows = cs.sparsify(cs.DM(block_diag(*turns))) @ (
         cs.vec(offsets) - cs.DM(marker_set.nominal.ravel())
     )
-    labels = tuple(f"{name}, {way}" for name in marker_set.names for way in DIRECTIONS)
+    labels = tuple(f"{name}, {direction}" for name in marker_set.names for direction in DIRECTIONS)
     sigmas = np.tile([sigma, sigma, across], len(turns))
     return Residual(OFFSET_PRIOR, rows, sigmas, "m", labels=labels)
 
@@ -211,7 +211,7 @@ def frame_by_frame(
     solver = TrustRegion(max_iterations=FRAME_ITERATIONS)
     tracker = Tracker(frame.freeing(trans, pose), starts, stages, solver, solver, every)
     frames = tracker.frames(len(observed), progress)
-    return {name: np.array([one[name] for one in frames if one]) for name in (pose, trans)}
+    return {name: np.array([end[name] for end in frames if end]) for name in (pose, trans)}
 
 
 def marker_solver(solver: Solver | None = None) -> Staged:

@@ -134,17 +134,17 @@ class Measurement:
 
 
 def measured_at(
-    problem: Problem, at: Values, quantities: Mapping[str, Quantity]
+    problem: Problem, values: Values, quantities: Mapping[str, Quantity]
 ) -> dict[str, tuple[float, float]]:
     """Each quantity at a point and its standard deviation by Laplace's approximation.
 
     With the Jacobian g (n,) of a quantity, its variance is g' (J'J)^-1 g. It is infinite where g
     has a part in the null space of J: nothing determines the quantity.
     """
-    s, V = problem.linearize(at).spectrum.determined
+    s, V = problem.linearize(values).spectrum.determined
     # a problem may have a residual of the same name, such as that of a known stature
     rows = [replace(q.residual, name=f"measured {name}") for name, q in quantities.items()]
-    here = problem.variant([*problem.residuals, *rows], problem.free.spelled()).linearize(at)
+    here = problem.variant([*problem.residuals, *rows], problem.free.spelled()).linearize(values)
     estimates = {}
     for name, value, g in zip(
         quantities, here.residual[-len(rows) :], here.dense[-len(rows) :], strict=True
@@ -207,23 +207,25 @@ def _paths(body: SkinnedBody) -> dict[str, MeasuredPath]:
             f"{', '.join(missing)}"
         )
     person = _Person(body)
-    at, y = person.joints, body.template[:, 1]
+    joints, y = person.joints, body.template[:, 1]
     top, bottom = person.at_vertex(int(np.argmax(y))), person.at_vertex(int(np.argmin(y)))
-    crotch = person.farthest(person.cut(at["pelvis"], ACROSS), -UP)
-    low, middle, high = (crotch @ body.template)[0, 1], at["pelvis"][1], at["spine3"][1]
+    crotch = person.farthest(person.cut(joints["pelvis"], ACROSS), -UP)
+    low, middle, high = (crotch @ body.template)[0, 1], joints["pelvis"][1], joints["spine3"][1]
     trunk = [person.horizontal(y, "pelvis") for y in np.linspace(low, middle, GIRTH_LEVELS)[1:]]
     waists = [person.horizontal(y, "pelvis") for y in np.linspace(middle, high, GIRTH_LEVELS)]
     waist = min(waists, key=person.girth)
     necks = [person.across("neck", "head", share) for share in np.linspace(0, 1, GIRTH_LEVELS)]
     shoulders = [
-        person.farthest(person.cut(at[f"{side}_shoulder"], ACROSS), UP)
+        person.farthest(person.cut(joints[f"{side}_shoulder"], ACROSS), UP)
         for side in ("left", "right")
     ]
     girths = {
         "chest": person.chest((waist @ body.template)[0, 1]),
         "waist": waist,
         "hips": max(trunk, key=person.girth),
-        "thigh": person.horizontal(low - BELOW_CROTCH * (low - at["right_knee"][1]), "right_hip"),
+        "thigh": person.horizontal(
+            low - BELOW_CROTCH * (low - joints["right_knee"][1]), "right_hip"
+        ),
         "upper arm": person.across("right_shoulder", "right_elbow", 0.5),
         "neck": min(necks, key=person.girth),
     }
@@ -290,17 +292,17 @@ class _Person:
 
     def across(self, start: str, end: str, share: float) -> csr_array:
         """The cut across the line between two joints."""
-        way = self.joints[end] - self.joints[start]
-        return self.cut(self.joints[start] + share * way, way / np.linalg.norm(way))
+        axis = self.joints[end] - self.joints[start]
+        return self.cut(self.joints[start] + share * axis, axis / np.linalg.norm(axis))
 
     def girth(self, weights: csr_array) -> float:
         """The length in m of a closed path on the template."""
         points = weights @ self.v
         return float(np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum())
 
-    def farthest(self, cut: csr_array, way: Array) -> csr_array:
+    def farthest(self, cut: csr_array, direction: Array) -> csr_array:
         """The point (1, N) of a cut that is farthest in a direction."""
-        return cut[[int(np.argmax(cut @ self.v @ way))]]
+        return cut[[int(np.argmax(cut @ self.v @ direction))]]
 
     def chest(self, waist: float) -> csr_array:
         """The cut where the torso reaches farthest to the front, below the armpits."""

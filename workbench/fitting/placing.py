@@ -155,17 +155,15 @@ def regressed_start(regressor: PoseRegressor, body: Body, view: View, values: Va
     close = best[3][0] < FAR_FROM_KEYPOINT
     if not close[known].all():
         distances = regressed(confidence * _subsets(known))[3]
-        close = (
-            distances[(np.minimum(distances / FAR_FROM_KEYPOINT, 1.0) ** 2 @ known).argmin()]
-            < FAR_FROM_KEYPOINT
-        )
+        losses = np.minimum(distances / FAR_FROM_KEYPOINT, 1.0) ** 2 @ known
+        close = distances[losses.argmin()] < FAR_FROM_KEYPOINT
         for _ in range(REGRESSION_ROUNDS):
             agreed = confidence * close
             if (agreed > 0).sum() < FEWEST_KEYPOINTS:
                 break
             best = regressed(agreed[None])
             close = best[3][0] < FAR_FROM_KEYPOINT
-    facing, pose, root, _ = (one[0] for one in best)
+    facing, pose, root, _ = (array[0] for array in best)
     if not root[2] > NEAREST_DEPTH:
         raise BadObservation(
             f"{view.name}: the keypoints place the body behind the camera; check that they are "

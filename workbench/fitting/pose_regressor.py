@@ -57,8 +57,10 @@ class PoseRegressor:
         not known, and the others count alike. Raises BadArgument for other shapes, and unless
         three keypoints of each image are known.
         """
-        seen = self._checked(rays, confidence)
-        points, known = (one.reshape(-1, *one.shape[seen[1].ndim - 1 :]) for one in seen)
+        checked = self._checked(rays, confidence)
+        points, known = (
+            array.reshape(-1, *array.shape[checked[1].ndim - 1 :]) for array in checked
+        )
         network, to_virtual = normalised(points, known)
         swap = opposites(self.keypoint_names)
         both_ways = np.stack([network, network[:, swap] * [-1, 1, 1]])
@@ -74,7 +76,7 @@ class PoseRegressor:
         third = np.cross(columns[..., 0], columns[..., 1])
         R = nearest_rotation(np.concatenate([columns, third[..., None]], axis=2))
         R = to_virtual.swapaxes(1, 2) @ R
-        shape = seen[1].shape[:-1]
+        shape = checked[1].shape[:-1]
         return R.reshape(*shape, 3, 3), pose.reshape(*shape, K, 3)
 
     def _forward(self, x: Array) -> Array:

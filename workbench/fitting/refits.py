@@ -154,28 +154,30 @@ def profile_likelihood(
     size = min(sd, float(whole.scales.sizes[k]))
     others = problem.freeing(*(name for name in labels if name != entry))
 
-    def fit(values: Values, at: float) -> _Fit:
+    def fit(values: Values, value: float) -> _Fit:
         x, fixed = problem.split(values)
-        x[k] = at
-        there = problem.values(x, fixed)
-        there = {**there, **solver.solve(others, there).values}
-        return at, problem.linearize(there).cost, there
+        x[k] = value
+        fitted = problem.values(x, fixed)
+        fitted = {**fitted, **solver.solve(others, fitted).values}
+        return value, problem.linearize(fitted).cost, fitted
 
     start = problem.read(values)
     best = float(problem.split(start)[0][k])
     middle = (best, whole.here.cost, start)
-    below, above = (_followed(fit, middle, sign * size, _rise(level)) for sign in (-1, 1))
-    at, costs, fits = zip(*below[::-1], middle, *above, strict=True)
+    below, above = (_fits_on_one_side(fit, middle, sign * size, _rise(level)) for sign in (-1, 1))
+    value, costs, fits = zip(*below[::-1], middle, *above, strict=True)
     least = int(np.argmin(costs))
     lower = fits[least] if costs[least] < whole.here.cost * (1 - BETTER_SHARE) else None
     unit = problem.free.unit(k)
-    return Profile(entry, unit, best, sd, level, np.array(at), np.array(costs), tuple(fits), lower)
+    return Profile(
+        entry, unit, best, sd, level, np.array(value), np.array(costs), tuple(fits), lower
+    )
 
 
 _Fit = tuple[float, float, Values]  # the entry's value, the cost, all values
 
 
-def _followed(
+def _fits_on_one_side(
     fit: Callable[[Values, float], _Fit], middle: _Fit, size: float, rise: float
 ) -> list[_Fit]:
     """Fits on one side, each from the one before, and more where the cost has risen by `rise`.
@@ -183,11 +185,11 @@ def _followed(
     Steps are FIRST_STEP to LONGEST_STEP signed sizes.
     """
     side: list[_Fit] = []
-    (at, before, values), step = middle, FIRST_STEP
+    (value, before, values), step = middle, FIRST_STEP
     least = before
     for _ in range(MOST_FITS):
-        at, cost, values = fit(values, at + step * size)
-        side.append((at, cost, values))
+        value, cost, values = fit(values, value + step * size)
+        side.append((value, cost, values))
         least = min(least, cost)
         if cost - least > PAST_THE_END * rise:
             break
@@ -196,16 +198,16 @@ def _followed(
         before = cost
     end = sqrt(rise)
     for _ in range(MOST_REFINEMENTS):
-        there = [middle, *side]
-        costs = np.array([cost for _, cost, _ in there])
+        fits = [middle, *side]
+        costs = np.array([cost for _, cost, _ in fits])
         roots = np.sqrt(costs - costs.min())
         past = np.flatnonzero(roots >= end)
         if not len(past) or past[0] == 0 or np.abs(roots - end).min() < NEAR_THE_END * end:
             break
         k = int(past[0])
         share = min(max((end - roots[k - 1]) / (roots[k] - roots[k - 1]), 0.2), 0.8)
-        between = there[k - 1][0] + share * (there[k][0] - there[k - 1][0])
-        side.insert(k - 1, fit(there[k - 1][2], float(between)))
+        between = fits[k - 1][0] + share * (fits[k][0] - fits[k - 1][0])
+        side.insert(k - 1, fit(fits[k - 1][2], float(between)))
     return side
 
 
@@ -214,14 +216,14 @@ def _rise(level: float) -> float:
     return float(ndtri((1 + level) / 2) ** 2) / 2
 
 
-def _crossing(at: Array, roots: Array, end: float, nowhere: float) -> float:
+def _crossing(entry_values: Array, roots: Array, end: float, nowhere: float) -> float:
     """Where the root of the rise first comes to `end`, by linear interpolation."""
     past = np.flatnonzero(roots >= end)
     if not len(past):
         return nowhere
     k = int(past[0])
     share = (end - roots[k - 1]) / (roots[k] - roots[k - 1])
-    return float(at[k - 1] + share * (at[k] - at[k - 1]))
+    return float(entry_values[k - 1] + share * (entry_values[k] - entry_values[k - 1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +257,7 @@ class OtherMinima:
     @property
     def better(self) -> tuple[OtherMinimum, ...]:
         """The minima at a lower cost than the first."""
-        return tuple(one for one in self.minima if one.excess < 0)
+        return tuple(minimum for minimum in self.minima if minimum.excess < 0)
 
     def __str__(self) -> str:
         """All of it in sentences."""
@@ -264,17 +266,19 @@ class OtherMinima:
             f"weakest directions, {self.came_back} came back."
         ]
         if self.valley:
-            far = max(self.valley, key=lambda one: one.apart)
+            far = max(self.valley, key=lambda minimum: minimum.apart)
+            starts = sum(minimum.starts for minimum in self.valley)
             sentences.append(
-                f"{sum(one.starts for one in self.valley)} ended elsewhere at the same cost, up to "
-                f"{far.apart:.2g} characteristic scales away in {far.entry}: this is a valley, and "
-                "where a fit ends in it is arbitrary."
+                f"{starts} ended elsewhere at the same cost, up to {far.apart:.2g} characteristic "
+                f"scales away in {far.entry}: this is a valley, and where a fit ends in it is "
+                "arbitrary."
             )
-        for one in self.minima:
-            side = f"{one.excess:.3g} above" if one.excess > 0 else f"{-one.excess:.3g} below"
+        for minimum in self.minima:
+            side = "above" if minimum.excess > 0 else "below"
             sentences.append(
-                f"{one.starts} ended in another minimum, at a cost {side}, which differs most in "
-                f"{one.entry}, by {one.apart:.2g} characteristic scales."
+                f"{minimum.starts} ended in another minimum, at a cost {abs(minimum.excess):.3g} "
+                f"{side}, which differs most in {minimum.entry}, by {minimum.apart:.2g} "
+                "characteristic scales."
             )
         if self.better:
             sentences.append("The fit was not at the best minimum.")
@@ -350,4 +354,6 @@ def laplace_points(
     s, V = problem.linearize(values).spectrum.determined
     x, fixed = problem.split(values)
     steps = (np.random.default_rng(seed).standard_normal((count, len(s))) / s) @ V
-    return [problem.values(np.clip(x + one, problem.lower, problem.upper), fixed) for one in steps]
+    return [
+        problem.values(np.clip(x + step, problem.lower, problem.upper), fixed) for step in steps
+    ]

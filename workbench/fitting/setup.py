@@ -111,7 +111,7 @@ def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -
 def names(named: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
     """These names as a tuple, also if it is a single one; a residual stands for its name."""
     several = (named,) if isinstance(named, str | Residual) else named
-    return tuple(one.name if isinstance(one, Residual) else one for one in several)
+    return tuple(item.name if isinstance(item, Residual) else item for item in several)
 
 
 @dataclass(frozen=True)

@@ -170,12 +170,12 @@ class PointTracker:
         pose, name, trans = (block.name for block in self.body.blocks())
 
         def starts(t: int, before: Values | None) -> list[Values]:
-            begun = []
+            starts_of_frame = []
             for start in self.starts(t, before):
                 shape = betas.copy()
                 shape[self.own] = start.get(name, betas)[self.own]
-                begun.append({**start, **self.data(t), name: shape})
-            return begun
+                starts_of_frame.append({**start, **self.data(t), name: shape})
+            return starts_of_frame
 
         stages = (SolveStage(weights={"points": (self.sigma / w) ** 2}) for w in self.widths)
         frame = self.frame.freeing(trans, pose, *(f"{name}[{b}]" for b in self.own))

@@ -82,13 +82,14 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
     a known error is not finite.
     """
     x = reals("the errors of a video", errors)
-    there = np.ones(x.shape, dtype=bool) if known is None else np.asarray(known, dtype=bool)
-    if x.ndim == 0 or there.shape != x.shape:
+    observed = np.ones(x.shape, dtype=bool) if known is None else np.asarray(known, dtype=bool)
+    if x.ndim == 0 or observed.shape != x.shape:
         raise BadObservation(
-            f"errors are (T, ...) and `known` has the same shape, not {x.shape} and {there.shape}"
+            f"errors are (T, ...) and `known` has the same shape, not {x.shape} and "
+            f"{observed.shape}"
         )
-    x = np.where(there, x, 0.0).reshape(len(x), -1)
-    count = there.reshape(x.shape).sum(axis=0)
+    x = np.where(observed, x, 0.0).reshape(len(x), -1)
+    count = observed.reshape(x.shape).sum(axis=0)
     used = count > 1
     if not np.isfinite(x).all() or not used.any():
         raise BadObservation(
@@ -171,62 +172,35 @@ def video_fit(
     if worth is not None and not 1 <= worth <= T:
         raise BadArgument(f"{T} frames are worth 1 to {T} independent ones, not {worth:g}")
     kind = landmark_set(body, clip.names)
-    landmarks = body.landmark_names(kind)
-    pose, betas, trans = body.blocks()
-    points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     evidence = Block(EVIDENCE, (1,))
-    order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
-    films = [film.ordered(order) for film in clip.films]
-    heights = heights_of(films, body, kind)
+    terms = _film_terms(clip, body, kind, evidence, sigma, kernel)
+    frame = _frame_problem(body, terms, evidence, shared)
     common: Values = {EVIDENCE: np.ones(1)}
-    data, observed, cameras, own_priors, free = [], [], [], [], [pose.name, betas.name, trans.name]
-    shares: dict[str, float] = {}
-    for film, height in zip(films, heights, strict=True):
-        camera = Camera(film.name + "/")
-        own_sigma = usual_sigma(height, film.size) if sigma is None else sigma
-        own_kernel = kernel or scaled(geman_mcclure, OUTLIER_SHARE * height / own_sigma)
-        residual, blocks = camera_residual(points, camera, landmarks, own_sigma, own_kernel)
-        shares[residual.name] = own_sigma / height
-        data.append(replace(residual, weights=residual.weights * evidence.symbol))
-        observed.append((blocks[0].name, blocks[1].name))
-        cameras.append(camera)
-        first = int(np.argmax((film.confidence > 0).any(axis=1)))
-        common |= camera_values(camera, film.photograph(first))
-        if film.K is None:
-            own_priors.append(focal_prior(camera, max(film.size)))
-            free.append(camera.focal.name)
-    of_pose, of_shape = pose_prior(body), shape_prior(body)
-    of_pose = replace(of_pose, weights=evidence.symbol)
-    if betas.name not in shared:
-        of_shape = replace(of_shape, weights=evidence.symbol)
-    lenses = [block for camera in cameras for block in camera.blocks]
-    frame = Problem([*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence])
-    each: list[Values] = []
-    views: list[list[View]] = []
+    for term in terms:
+        first = int(np.argmax((term.film.confidence > 0).any(axis=1)))
+        common |= camera_values(term.camera, term.film.photograph(first))
+    each = []
     for t in range(T):
         values = body.start() | common
-        views.append([])
-        for film, camera, (seen, sure) in zip(films, cameras, observed, strict=True):
-            values |= {seen: film.pixels[t], sure: film.confidence[t]}
-            views[t].append(_view(film, camera, kind, t))
+        for term in terms:
+            values |= term.values(t)
         each.append(values)
-    own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
-    data_names = tuple(shares)
+    views = [[_view(term.film, term.camera, kind, t) for term in terms] for t in range(T)]
+    shares = {term.residual.name: term.share for term in terms}
+    own = frame.freeing(*(block.name for block in body.blocks()))  # focal lengths: of all frames
     frames = frame_by_frame(own, body, shares, each, views, told)
-    names = [*(b.name for b in lenses), EVIDENCE, *shared]
+    of_cameras = [block.name for term in terms for block in term.camera.blocks]
+    names = [*of_cameras, EVIDENCE, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )
-    start = {
-        name: np.median([one[name] for one in frames], axis=0)
-        if name in names
-        else np.array([one[name] for one in frames])
-        for name in problem.known
-    }
+    start = {name: np.array([values[name] for values in frames]) for name in problem.known}
+    start |= {name: np.median(start[name], axis=0) for name in start if name in names}
+    data_names = tuple(shares)
     if worth is None:
         worth = worth_of(problem, start, data_names) if T > 1 else 1.0
     start[EVIDENCE] = np.array([worth / T])
-    whole = tuple(_view(*one, kind) for one in zip(films, cameras, strict=True))
+    whole = tuple(_view(term.film, term.camera, kind) for term in terms)
     moving = Moving(body, whole, clip.fps, data_names, frame)
     gaps = clip.gaps
     missing = f"In {len(gaps)} of {T} frames no keypoint was observed; smoothness alone fills them"
@@ -242,6 +216,69 @@ def video_fit(
             f"The {T} frames count as {worth:.1f} independent ones for what they share",
         ),
         moving=moving,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _FilmTerm:
+    """A film in the problem of a frame: the residual of its keypoints, the blocks of what it
+    observed, and sigma as a share of the person's height.
+    """
+
+    film: Film
+    camera: Camera
+    residual: Residual
+    observed: tuple[Block, Block]
+    share: float
+
+    def values(self, frame: int) -> Values:
+        """What the film shows in one frame."""
+        pixels, confidence = (block.name for block in self.observed)
+        return {pixels: self.film.pixels[frame], confidence: self.film.confidence[frame]}
+
+
+def _film_terms(
+    clip: Clip,
+    body: SkinnedBody | TriangleBody,
+    kind: str,
+    evidence: Block,
+    sigma: float | None,
+    kernel: Kernel | None,
+) -> list[_FilmTerm]:
+    """The residuals of a clip's films, which count as often as the block `evidence` says."""
+    landmarks = body.landmark_names(kind)
+    points = body.landmark_points(kind, *(block.symbol for block in body.blocks()))
+    order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
+    films = [film.ordered(order) for film in clip.films]
+    terms = []
+    for film, height in zip(films, heights_of(films, body, kind), strict=True):
+        camera = Camera(film.name + "/")
+        own_sigma = usual_sigma(height, film.size) if sigma is None else sigma
+        own_kernel = kernel or scaled(geman_mcclure, OUTLIER_SHARE * height / own_sigma)
+        residual, blocks = camera_residual(points, camera, landmarks, own_sigma, own_kernel)
+        residual = replace(residual, weights=residual.weights * evidence.symbol)
+        terms.append(_FilmTerm(film, camera, residual, blocks, own_sigma / height))
+    return terms
+
+
+def _frame_problem(
+    body: SkinnedBody | TriangleBody,
+    terms: Sequence[_FilmTerm],
+    evidence: Block,
+    shared: Sequence[str],
+) -> Problem:
+    """The problem of one frame; priors of what is not shared count as often as its data."""
+    betas = body.blocks()[1]
+    of_pose, of_shape = pose_prior(body), shape_prior(body)
+    of_pose = replace(of_pose, weights=evidence.symbol)
+    if betas.name not in shared:
+        of_shape = replace(of_shape, weights=evidence.symbol)
+    unknown = [term for term in terms if term.film.K is None]
+    focal_priors = [focal_prior(term.camera, max(term.film.size)) for term in unknown]
+    return Problem(
+        [*(term.residual for term in terms), of_pose, of_shape, *focal_priors],
+        [block.name for block in (*body.blocks(), *(term.camera.focal for term in unknown))],
+        blocks=[*(block for term in terms for block in term.camera.blocks), evidence],
     )
 
 
@@ -325,7 +362,7 @@ def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Ar
     columns = []
     for name in data:
         rows = problem.rows[name]
-        frames = len(next(one for one in problem.residuals if one.name == name).by_frame)
+        frames = len(next(term for term in problem.residuals if term.name == name).by_frame)
         columns.append(residual[rows].reshape(frames, -1))
     errors = np.concatenate(columns, axis=1)
     return errors, errors != 0
@@ -338,8 +375,8 @@ def worth_of(problem: Problem, values: Values, data: Sequence[str]) -> float:
 
 def landmarks_of(moving: Moving, values: Values) -> Array:
     """The landmarks of the body in every frame, (T, M, 3) m."""
-    at = (values[block.name] for block in moving.body.blocks())
-    return np.asarray(moving.body.landmark(moving.views[0].landmarks, *at))
+    numbers = (values[block.name] for block in moving.body.blocks())
+    return np.asarray(moving.body.landmark(moving.views[0].landmarks, *numbers))
 
 
 def video_measures(moving: Moving, values: Values) -> tuple[Measure, ...]:
@@ -377,8 +414,8 @@ def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) ->
     links = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
 
     def weighted(link: Between, frames: Frames) -> Residual:
-        one = link(frames)
-        return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
+        residual = link(frames)
+        return replace(residual, weights=evidence.symbol, blocks=(*residual.blocks, evidence))
 
     return [
         partial(weighted, smooth(what, sigma=sigma / clip.fps**order, order=order, name=name))
@@ -422,7 +459,7 @@ def video_mean(
     times = np.arange(T)
     for name, differences in moved.items():
         each = np.reshape(differences, (len(drawn), -1)).T
-        whole = np.stack([np.interp(times, drawn, one) for one in each], axis=1)
+        whole = np.stack([np.interp(times, drawn, series) for series in each], axis=1)
         whole = gaussian_filter1d(whole, BLUR_SD * moving.fps, axis=0, mode="nearest")
         means[name] = values[name] + whole.reshape(values[name].shape)
     return means

@@ -19,7 +19,7 @@ from workbench.bodies.readonly import locked
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
 
-FOLLOWS = 0.5  # the least weight with which the outermost vertex follows the last joint of a limb
+LIMB_WEIGHT = 0.5  # the least with which the outermost vertex follows the last joint of a limb
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +110,13 @@ def different_names(
     labels: Sequence[str], kind: str = "joint"
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of which each occurs once, and a note if some had to be changed: `joint_3`, `hip_2`."""
-    names: list[str] = []
-    in_use, new_names, suffixes = {*labels}, set[str](), Counter[str]()
+    in_use, names, suffixes = {*labels}, dict[str, None](), Counter[str]()
     for k, name in enumerate(labels):
         base = new = name or f"{kind}_{k}"
-        while new in new_names or (new != name and new in in_use):
+        while new in names or (new != name and new in in_use):
             suffixes[base] += 1
             new = f"{base}_{suffixes[base] + 1}"
-        new_names.add(new)
-        names.append(new)
+        names[new] = None
     changed = sum(new != old for new, old in zip(names, labels, strict=True))
     note = f"{changed} of {len(names)} {kind}s had no name or that of another, and got a number"
     return tuple(names), (note,) * bool(changed)
@@ -137,7 +135,7 @@ def bones_of(body: Body, betas: Sequence[float] | Array | None = None) -> Bones:
     if isinstance(body, SkinnedBody):
         surface = body.vertices(body.bind_pose * 0, betas)
         for e, k in enumerate(last):
-            away = surface[body.weights[:, k] >= FOLLOWS] - joints[k]
+            away = surface[body.weights[:, k] >= LIMB_WEIGHT] - joints[k]
             if len(away):
                 ends[e] = away[np.linalg.norm(away, axis=1).argmax()]
     return Bones(parents, joints - above, last, ends)

@@ -244,9 +244,9 @@ def _motion_of(
     offsets, stretch, replaced = _bones(offsets, moved)
     ends = np.array(text.end_offsets).reshape(-1, 3)
     bones = Bones(tuple(text.parents), offsets, tuple(text.end_parents), ends)
-    some = slice(None, None, max(1, len(pose) // MOST_FRAMES))
+    sample = slice(None, None, max(1, len(pose) // MOST_FRAMES))
     places = np.concatenate(
-        [f(pose[some], trans[some]) for f in (bones.joints, bones.ends)], axis=1
+        [f(pose[sample], trans[sample]) for f in (bones.joints, bones.ends)], axis=1
     )
     reach, sizes, what = float(extents(places).max()), sizes_of(names), REACH
     if sizes is PERSON and bones.span / SPAN_PER_HEIGHT > reach:  # who crouches or sits

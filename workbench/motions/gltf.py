@@ -83,9 +83,10 @@ class AnimationTrack:
         return np.asarray(_normalised(values) if self.is_rotation else values)
 
 
-def tracks_of(
-    document: GlbDocument, animation: dict[str, Any]
-) -> dict[tuple[int, str], AnimationTrack]:
+Tracks = dict[tuple[int, str], AnimationTrack]  # by node and property
+
+
+def tracks_of(document: GlbDocument, animation: dict[str, Any]) -> Tracks:
     """The tracks of an animation by node and property; others, as of morph targets, are left out.
 
     Raises ValueError for a track that does not fit together.
@@ -150,7 +151,7 @@ class Nodes:
 
     @staticmethod
     def of(document: GlbDocument) -> "Nodes":
-        """The nodes of a document. Raises ValueError for those that hang on each other."""
+        """The nodes of a document. Raises ValueError if they are no trees."""
         nodes = several(document.json, "nodes")
         if len(nodes) > MOST_NODES:
             raise ValueError(
@@ -173,28 +174,28 @@ class Nodes:
             raise ValueError("its nodes hang on each other in a circle")
         return Nodes(tuple(order), parents, nodes)
 
-    def above(self, some: set[int]) -> tuple[int, ...]:
-        """These nodes and all those that they hang on, each after its parent."""
+    def above(self, numbers: set[int]) -> tuple[int, ...]:
+        """These nodes and all their ancestors, each after its parent."""
         above: set[int] = set()
-        for number in some:
+        for number in numbers:
             while number != -1 and number not in above:
                 above.add(number)
                 number = self.parents[number]
         return tuple(number for number in self.order if number in above)
 
-    def world(
-        self, some: set[int], tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def world(self, numbers: set[int], tracks: Tracks, times: Array) -> Array:
         """The motions (S, len(some), 4, 4) of some nodes, in rising order, at times (S,) s."""
         worlds: dict[int, Array] = {}
-        for number in self.above(some):
+        for number in self.above(numbers):
             animated = {
-                path: track.at(times) for (node, path), track in tracks.items() if node == number
+                path: tracks[number, path].at(times)
+                for path in IDENTITY
+                if (number, path) in tracks
             }
             local = local_motions(self.json[number], animated, len(times))
             parent = self.parents[number]
             worlds[number] = local if parent == -1 else worlds[parent] @ local
-        return np.stack([worlds[number] for number in sorted(some)], axis=1)
+        return np.stack([worlds[number] for number in sorted(numbers)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,9 +235,7 @@ class Skin:
                 below.append(k)
         return below
 
-    def motions(
-        self, nodes: Nodes, tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def motions(self, nodes: Nodes, tracks: Tracks, times: Array) -> Array:
         """What takes the joints from rest to where they are, (S, K, 4, 4), at times (S,) s."""
         numbers = {*self.nodes}
         column = {number: i for i, number in enumerate(sorted(numbers))}
@@ -281,7 +280,7 @@ def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]
 def _tree(
     nodes: Nodes, joints: list[int], to_rest: Array, rest: Array
 ) -> tuple[Skin, tuple[str, ...]]:
-    """The largest tree of the joints: the parent of each is the next joint that it hangs on.
+    """The largest tree of the joints: the parent of each is its nearest ancestor among them.
 
     They are in the order of the skin, if each comes after its parent there.
     """
@@ -407,7 +406,7 @@ def _motion_of(
 
 def _animation(
     document: GlbDocument, nodes: Nodes, skin: Skin, choice: str | None
-) -> tuple[dict[tuple[int, str], AnimationTrack], tuple[str, ...]]:
+) -> tuple[Tracks, tuple[str, ...]]:
     """The tracks of one animation, the first that moves the skin unless one is chosen; sentences.
 
     Raises UnknownName for one that does not exist.
@@ -436,9 +435,7 @@ def _animation(
     raise ValueError(f"it has {which} of the joints of its skin")
 
 
-def _times(
-    tracks: dict[tuple[int, str], AnimationTrack], fps: float | None
-) -> tuple[Array, float, tuple[str, ...]]:
+def _times(tracks: Tracks, fps: float | None) -> tuple[Array, float, tuple[str, ...]]:
     """The times (T,) s of frames, their rate, and what is to be said about it."""
     first = min(float(t.times[0]) for t in tracks.values())
     last = max(float(t.times[-1]) for t in tracks.values())

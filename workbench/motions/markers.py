@@ -18,7 +18,7 @@ from workbench.reading.facts import bounded
 from workbench.writing import write_file
 
 MOST_NUMBERS = 25_000_000  # coordinates of a recording: 80 markers for 14 minutes at 120 fps
-LARGEST = 1e9  # of a coordinate, in any unit
+LARGEST_NUMBER = 1e9  # of a coordinate, in any unit
 MOST_BYTES = 2**29
 LENGTHS = {
     "m": ("m", "meter", "meters", "metre", "metres"),
@@ -56,7 +56,7 @@ def unit_named(text: str) -> str | None:
 def checked_places(places: Array) -> Array:
     """The same places. Raises ValueError for infinite numbers, and such as no recording has."""
     with np.errstate(invalid="ignore"):
-        wrong = np.abs(places) > LARGEST
+        wrong = np.abs(places) > LARGEST_NUMBER
     if wrong.any():
         t, m, _ = (int(i) for i in np.argwhere(wrong)[0])
         raise ValueError(f"frame {t} has point {m} at {places[t, m]}, which is no place")
@@ -242,14 +242,15 @@ def _parameters(content: bytes, position: int, numbers: _Numbers) -> dict[str, P
     return {f"{groups.get(group, group)}:{name}": value for group, name, value in parameters}
 
 
-def _value(content: bytes, at: int, numbers: _Numbers, name: str) -> Parameter:
+def _value(content: bytes, position: int, numbers: _Numbers, name: str) -> Parameter:
     """A parameter: numbers in one row, or texts, whose first dimension is their length."""
-    if len(content) < at + 2:
+    if len(content) < position + 2:
         raise ValueError("it ends within its parameters")
-    kind, dims = int(np.frombuffer(content[at : at + 1], np.int8)[0]), content[at + 1]
-    shape = tuple(content[at + 2 : at + 2 + dims])
+    kind = int.from_bytes(content[position : position + 1], "little", signed=True)
+    dims = content[position + 1]
+    shape = tuple(content[position + 2 : position + 2 + dims])
     width, count = abs(kind), prod(shape)
-    data = content[at + 2 + dims : at + 2 + dims + width * count]
+    data = content[position + 2 + dims : position + 2 + dims + width * count]
     if kind not in (-1, 1, 2, 4) or len(shape) < dims or len(data) < width * count or dims > 7:
         raise ValueError(f"the parameter {name[:30]!r} is damaged")
     match kind:

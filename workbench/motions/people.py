@@ -30,12 +30,7 @@ JOINTS: dict[str, tuple[int, ...]] = {  # how many joints an array of a part may
     **{"jaw": (1,), "eyes": (2,), "left_eye": (1,), "right_eye": (1,)},
 }
 NUMBERS = ("trans", "betas", "expression", "dmpls", "scale", "frames")  # the other parts
-SIX_ENDS = (
-    "_6d",
-    "_r6d",
-    "_rot6d",
-    "6d",
-)  # how keys end whose rotations are six numbers (PyTorch3D)
+SIXES = ("_6d", "_r6d", "_rot6d", "6d")  # how keys end whose rotations are six numbers (PyTorch3D)
 MOTION_X = {  # how many columns of an array (T, 322) without a name belong to what
     **{"root_orient": 3, "pose_body": 63, "pose_hand": 90, "pose_jaw": 3, "face_expr": 50},
     **{"face_shape": 100, "trans": 3, "betas": 10},
@@ -67,7 +62,7 @@ def table() -> tuple[PersonLine, ...]:
 @cache
 def lines_of(part: str) -> tuple[PersonLine, ...]:
     """The lines of one part; each key of rotations also as that of six numbers."""
-    ends = ("", *SIX_ENDS) if part in JOINTS else ("",)
+    ends = ("", *SIXES) if part in JOINTS else ("",)
     return tuple(
         line._replace(key=line.key + end, form="6d rows" if end else line.form)
         for line in table()
@@ -140,51 +135,33 @@ class People:
             value = _parts_of_unnamed(value)
         if depth > DEEPEST or not isinstance(value, (dict, list)):
             return {}
+        are_images = False
         if isinstance(value, list):
             ids = self._ids(outer)
-            fits = len(ids) == len(value)
-            names = ids if fits else map(str, range(len(value)))
+            apart = apart or len(ids) == len(value) > 0
+            names = ids if len(ids) == len(value) else map(str, range(len(value)))
             items = dict(zip(names, value, strict=True))
-            return self._of_items(items, outer, apart or (fits and bool(value)), False, depth)
-        for key in value:
-            self.met.setdefault(key, False)
-        if people := self._here(value, outer, apart):
-            return people
-        meta = self._contents.plain(value.get("meta"))  # facts in mmhuman3d's HumanData
-        outer = {**outer, **_facts(value), **(_facts(meta) if isinstance(meta, dict) else {})}
-        for line in lines_of("within"):
-            inside_apart = apart or line.form == "people"
-            if people := self._below(value.get(line.key), outer, inside_apart, depth + 1):
-                self.met[line.key] = True
+        else:
+            for key in value:
+                self.met.setdefault(key, False)
+            if people := self._here(value, outer, apart):
                 return people
-        are_images = all(re.search(r"\.[a-zA-Z]{2,4}$", name) for name in value)
-        return self._of_items(value, outer, apart, are_images, depth)
-
-    def _of_items(
-        self,
-        items: Mapping[str, Tree],
-        outer: Mapping[str, Tree],
-        apart: bool,
-        are_frames: bool,
-        depth: int,
-    ) -> dict[str, Track]:
-        """Everybody below the items of a list or dictionary, which are frames or people."""
+            meta = self._contents.plain(value.get("meta"))  # facts in mmhuman3d's HumanData
+            outer = {**outer, **_facts(value), **(_facts(meta) if isinstance(meta, dict) else {})}
+            for line in lines_of("within"):
+                inside = apart or line.form == "people"
+                if people := self._below(value.get(line.key), outer, inside, depth + 1):
+                    self.met[line.key] = True
+                    return people
+            are_images = all(re.search(r"\.[a-zA-Z]{2,4}$", name) for name in value)
+            items = value
         groups = {
             name: people
             for name, item in items.items()
-            if (people := self._below(item, outer, apart or are_frames, depth + 1))
+            if (people := self._below(item, outer, apart or are_images, depth + 1))
         }
         self.met.update((name, True) for name in groups if name in self.met)
-        move = any(len(track) > 1 for group in groups.values() for track in group.values())
-        names = [name for group in groups.values() for name in group]
-        different = all(names) and len({*names}) == len(names)
-        if are_frames or not (apart or move or different):
-            return _joined(list(groups.values()))
-        return {
-            inner if inner and len(group) == 1 else f"{name} {inner}".strip(): track
-            for name, group in groups.items()
-            for inner, track in group.items()
-        }
+        return _joined(list(groups.values())) if are_images else _together(groups, apart)
 
     def _ids(self, facts: Mapping[str, Tree]) -> tuple[str, ...]:
         """The names of people that stand in a dictionary."""
@@ -262,9 +239,12 @@ class People:
                 lead, width = array.shape[:split], prod(array.shape[split:])
                 yield line, lead, _vectors(line, array.reshape(-1, width), widths[width])
             elif array.ndim in (2, 3) and (any_joints or line.key == "poses"):
-                if prod(array.shape[1:]) % 3:
-                    columns = f"{line.key} has {prod(array.shape[1:])} columns"
-                    raise BadFile(f"{columns}, and three belong to each joint")
+                width = array.shape[-1]
+                if width % 3 or (array.ndim == 3 and width != 3):
+                    columns = f"{line.key} has {width} columns"
+                    raise BadFile(
+                        f"{columns}, and three belong to each joint; quaternions are not read"
+                    )
                 yield line, array.shape[:1], array.reshape(len(array), -1, 3)
             else:
                 self.misfits.append(f"{line.key} of shape {array.shape}")
@@ -361,6 +341,20 @@ def _vectors(line: PersonLine, rows: Array, width: int) -> Array:
     vectors = np.full((N, J, 3), np.nan)
     vectors[finite] = vector_from_matrix(R).reshape(-1, J, 3)
     return vectors
+
+
+def _together(groups: dict[str, dict[str, Track]], apart: bool) -> dict[str, Track]:
+    """Those of all groups as different people, unless the groups are frames that show the same."""
+    move = any(len(track) > 1 for group in groups.values() for track in group.values())
+    names = [name for group in groups.values() for name in group]
+    different = all(names) and len({*names}) == len(names)
+    if not (apart or move or different):
+        return _joined(list(groups.values()))
+    return {
+        inner if inner and len(group) == 1 else f"{name} {inner}".strip(): track
+        for name, group in groups.items()
+        for inner, track in group.items()
+    }
 
 
 def _joined(groups: list[dict[str, Track]]) -> dict[str, Track]:

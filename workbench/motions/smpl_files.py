@@ -39,6 +39,7 @@ IMPLIED = ("surface_model_type", "smplVersion", "codecVersion", "frameCount")  #
 SAME_ROTATION = 1e-3  # rad, between a pose and a part of it that stands beside it
 CLEARLY_UP = 0.5  # of how clearly the root's own y must point along an axis to say that it is up
 LARGEST_NUMBER = 1e6  # rad or m
+LONGEST_VECTOR = 4 * np.pi  # rad: what is turned by more in a vector is perhaps in degrees
 FASTEST_ROOT = 15.0  # m/s, of a root on average
 MOST_GAPS = 10  # times as many frames as there are, with those between
 ADVICE = "give a file with poses, or global_orient and body_pose, and a translation"
@@ -108,6 +109,12 @@ def read_amass(
             )
         except BadArgument as error:
             raise BadFile(str(error)) from error
+    longest = float(np.linalg.norm(motion.pose, axis=-1).max(initial=0.0))
+    if longest > LONGEST_VECTOR:
+        notes.append(
+            f"rotations are up to {longest:.3g} rad long, {longest / (2 * np.pi):.3g} whole turns; "
+            "if they are in degrees, multiply them by pi / 180"
+        )
     declared_up = "".join(own["up_axis"][:1])
     distance = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1).sum()
     if not declared_up and distance > FASTEST_ROOT * len(motion) / rate:
@@ -209,20 +216,23 @@ def _placed(
     if trans.shape[1] != 3:
         raise BadFile(f"{track.used['trans'].key} has {trans.shape[1]} columns, and needs 3")
     if "scale" in track.numbers:
-        trans = trans / (scale := float(track.numbers["scale"].flat[0]))
-        notes.append(f"trans is divided by {track.used['scale'].key}, {scale:.4g}")
+        scale, key = float(track.numbers["scale"].flat[0]), track.used["scale"].key
+        if not 0 < scale < np.inf:
+            raise BadFile(f"{key} is {scale:g}, and trans can only be divided by a number above 0")
+        trans = trans / scale
+        notes.append(f"trans is divided by {key}, {scale:.4g}")
     trans = np.broadcast_to(trans, (T, 3))
     line = track.used.get("root")
     if line is None or line.form != "origin":
         return pose, trans
     # it turns about the origin: R (V - J_0) + J_0 + t = R V + Th with t = Th + (R - I) J_0
     R, pose = np.full((T, 3, 3), np.nan), pose.copy()
-    seen = np.isfinite(track.turns["root"][:, 0] + pose[:, 0]).all(axis=1)
-    R[seen] = matrix_from_vector(track.turns["root"][seen, 0])
-    pose[seen, 0] = (
-        Rotation.from_matrix(R[seen]) * Rotation.from_rotvec(pose[seen, 0])
+    whole = np.isfinite(track.turns["root"][:, 0] + pose[:, 0]).all(axis=1)
+    R[whole] = matrix_from_vector(track.turns["root"][whole, 0])
+    pose[whole, 0] = (
+        Rotation.from_matrix(R[whole]) * Rotation.from_rotvec(pose[whole, 0])
     ).as_rotvec()
-    pose[~seen] = np.nan
+    pose[~whole] = np.nan
     if body is None:
         notes.append(
             f"{line.key} turns the world about its origin, and trans lacks (R - I) J_0 in each "

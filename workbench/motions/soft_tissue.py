@@ -272,8 +272,8 @@ def betas_with_tissue(
     body = tissue._checked(body)
     phi = tissue.coefficients(body, motion)
     gain = exaggeration * tissue.gain(body, motion.named(body).betas)
-    own = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
-    return np.hstack([own, gain * phi])
+    betas = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
+    return np.hstack([betas, gain * phi])
 
 
 def displaced_by(tissue: SoftTissue, betas: Array) -> Array:
@@ -350,8 +350,8 @@ class MovingFrames:
         R, at_rest = self.turns[:, joints], self.body.joints(None, self.motion.betas)
         arms = points - at_rest[joints]
         places = np.einsum("tpij,pj->tpi", R, arms) + self.joints[:, joints]
-        pull = GRAVITY - second_differences(places, self.motion.fps)
-        return np.asarray(np.einsum("tpji,tpj->tpi", R, pull) - GRAVITY)
+        force = GRAVITY - second_differences(places, self.motion.fps)
+        return np.asarray(np.einsum("tpji,tpj->tpi", R, force) - GRAVITY)
 
 
 def first_differences(values: Array, fps: float) -> Array:
@@ -398,16 +398,16 @@ def tissue_inputs(frames: MovingFrames, part: Index, n_betas: int = 0) -> Array:
     R = frames.turns[:, 0].swapaxes(-1, -2)
     root = frames.joints[:, 0]
     moving = (first_differences(root, motion.fps), second_differences(root, motion.fps))
-    own = [np.einsum("tij,tj->ti", R, line) for line in moving]
+    velocity, acceleration = (np.einsum("tij,tj->ti", R, line) for line in moving)
     middles, joints = part_middles(body, part, motion.betas)
     betas = np.zeros(n_betas)
-    known = min(n_betas, len(motion.betas))
-    betas[:known] = motion.betas[:known]
+    count = min(n_betas, len(motion.betas))
+    betas[:count] = motion.betas[:count]
     parts = [
         _bounded(spin, FASTEST_TURN),
         _bounded(first_differences(spin, motion.fps), FASTEST_CHANGE),
-        _bounded(own[0][:, None], FASTEST_ROOT),
-        _bounded(own[1][:, None], HARDEST_PUSH),
+        _bounded(velocity[:, None], FASTEST_ROOT),
+        _bounded(acceleration[:, None], HARDEST_PUSH),
         _bounded(frames.forces(middles, joints), STRONGEST_FORCE),
         np.tile(betas, (T, 1)),
         np.ones((T, 1)),

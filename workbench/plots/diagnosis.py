@@ -19,7 +19,7 @@ THINNEST = 0.04  # of the height: what a term gets at least, so that it can be r
 
 
 def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """The pattern (m, n): a row per residual, grouped by term, a column per free number, by block.
+    """The pattern (m, n): a row per residual, grouped by term, a column per unknown, by block.
 
     Where several rows share a line, the line shows every column that any of them reads.
     """
@@ -43,7 +43,7 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     _label_rows(ax, terms, rows, np.diff(diagnosis.row_edges))
     _label_columns(ax, diagnosis.free.names, np.asarray(columns))
     ax.spines[:].set_visible(True)
-    ax.set(xlabel="free numbers, by block (columns)", ylabel="whitened residuals, by term (rows)")
+    ax.set(xlabel="unknowns, by block (columns)", ylabel="whitened residuals, by term (rows)")
     ax.set_title(
         f"{m:,} × {n:,}, {diagnosis.nonzeros:,} nonzeros ({diagnosis.density:.1%})", loc="left"
     )
@@ -55,8 +55,8 @@ def caption_sparsity(diagnosis: Diagnosis) -> str:
     m, n = diagnosis.shape
     sizes = np.diff(diagnosis.row_edges)
     text = (
-        f"An entry is blue where one of the {m:,} residuals depends on one of the {n:,} free "
-        f"numbers by structure: {diagnosis.density:.1%} of the entries."
+        f"An entry is blue where one of the {m:,} residuals depends on one of the {n:,} "
+        f"unknowns by structure: {diagnosis.density:.1%} of the entries."
     )
     if (sizes > np.array(lines(sizes))).any():
         text += " Several rows share a line, which is blue where any of them is."
@@ -158,7 +158,7 @@ def caption_singular_values(diagnosis: Diagnosis) -> str:
     )
     return (
         f"{first}The residuals change along {k} of {n} directions; along the other {n - rank} the "
-        f"free numbers can change without changing any residual.{where} The table below names "
+        f"unknowns can change without changing any residual.{where} The table below names "
         "these directions."
     )
 
@@ -184,7 +184,7 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         sigma, prior = known.sigma[part], known.prior_sigma[part]
         seen = np.isfinite(sigma) & (sigma > 0)  # one that a bound fixes has none to draw
         colour, marker = LINES[i % len(LINES)], MARKERS[i % len(MARKERS)]
-        # Of a block of which nothing is known only the strips tell.
+        # A block of which nothing is known is shown by the strips alone.
         label = f"{block.name} ({block.unit})" if seen.any() else None
         ax.plot(x[seen], sigma[seen], marker, color=colour, markersize=4, label=label)
         finite = np.isfinite(prior)

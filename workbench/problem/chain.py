@@ -53,7 +53,7 @@ class Chain:
     def __init__(
         self, graph: Graph, sources: Sequence[NumericPoints], free: Layout, fixed: Layout
     ) -> None:
-        self.sources, self.free = tuple(sources), free
+        self.sources, self.free, self._fixed = tuple(sources), free, fixed
         arguments = [graph.x, graph.fixed, *graph.points]
         r = cs.densify(graph.residual)
         self.to_residual = Buffered(cs.Function("residual", arguments, [r]))
@@ -75,7 +75,7 @@ class Chain:
             for pattern in self.by_points
         ]
         self.to_size = Buffered(cs.Function("term_sizes", arguments, [term_sizes(r, arguments)]))
-        self._cache = PointCache(self.sources, free, fixed)
+        self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
         self._buffers = BufferPool()
 
     @staticmethod
@@ -93,7 +93,7 @@ class Chain:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
         if not self.sparse:
             check_fits(*self.by_x.shape)
-        places = self._cache.at(x, fixed)
+        places = self._places(x, fixed)
         if self._jacobians is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
             return r, self._jacobian(places, direct, by_points)
@@ -222,7 +222,7 @@ class Chain:
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
-        places = self._cache.at(x, fixed)
+        places = self._places(x, fixed)
         points = [here.points for here in places]
         if self._constant:
             (r,), (direct, *by_points) = self.to_residual(x, fixed, *points), self._constant
@@ -256,7 +256,17 @@ class Chain:
         return RowSupport(csr_array(through), csr_array(readers), csr_array(own.T))
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
-        return [here.points for here in self._cache.at(x, fixed)]
+        return [here.points for here in self._places(x, fixed)]
+
+    def _places(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
+        """Each source's points at the free numbers x and the fixed ones, kept for the next call."""
+        if not self.sources:
+            return ()
+        last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
+        if key != last[0]:
+            values = all_values(self.free, x, self._fixed, fixed)
+            self._last = last = key, [source.evaluate(values) for source in self.sources]
+        return last[1]
 
 
 def _term(pattern: Pattern, source: NumericPoints, name: str, columns: slice) -> Term:
@@ -268,24 +278,6 @@ def _term(pattern: Pattern, source: NumericPoints, name: str, columns: slice) ->
     if of_points is None:
         return DenseTerm(rows, columns)
     return SparseTerm(pattern.reached(of_points), columns)
-
-
-class PointCache:
-    """The points of several sources, kept for whoever asks again at the last place."""
-
-    def __init__(self, sources: Sequence[NumericPoints], free: Layout, fixed: Layout) -> None:
-        self._sources, self._free, self._fixed = tuple(sources), free, fixed
-        self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
-
-    def at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
-        """Each source's points at the free numbers x and the fixed ones."""
-        if not self._sources:
-            return ()
-        last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
-        if key != last[0]:
-            values = all_values(self._free, x, self._fixed, fixed)
-            self._last = last = key, [source.evaluate(values) for source in self._sources]
-        return last[1]
 
 
 WORTH_KEEPING = 2**20  # bytes: memory for less is quick to get

@@ -61,10 +61,10 @@ def support(fit: ModelFit, *, near: float = NEAR) -> Support:
     vertices = fit.vertices()
     faces, scan = fit.body.faces, fit.scan
     tree = SurfaceTree(vertices, faces)
-    at = tree.closest(scan.points, 10 * fit.reach, scan.normals, FACING)
-    distances = np.where(at.faces >= 0, at.distances, np.inf)
+    nearest = tree.closest(scan.points, 10 * fit.reach, scan.normals, FACING)
+    distances = np.where(nearest.faces >= 0, nearest.distances, np.inf)
     touching = np.abs(distances) < fit.reach
-    contacts = np.bincount(faces[at.faces[touching]].ravel(), minlength=len(vertices))
+    contacts = np.bincount(faces[nearest.faces[touching]].ravel(), minlength=len(vertices))
     seen: Mask = contacts > 0
     if touching.any():
         seen = seen & (np.asarray(cKDTree(scan.points[touching]).query(vertices)[0]) < near)
@@ -146,21 +146,21 @@ def doubts(
 def _ties(fit: ModelFit, limits: Doubts) -> Iterator[str]:
     best, forward = fit.vertices(), _facing(fit, 0)
     for k, other in enumerate(fit.hypotheses[1:], start=1):
-        gap = (other.cost - fit.cost) / fit.cost
-        off = float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean())
-        if gap > TIE_SHARE or off < limits.apart:
+        excess = (other.cost - fit.cost) / fit.cost
+        distance = float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean())
+        if excess > TIE_SHARE or distance < limits.apart:
             continue
         angle = float(np.arccos(np.clip(forward @ _facing(fit, k), -1, 1)))
         if angle > TURNED_ANGLE:
             yield (
                 f"which way the body faces is not decided: turned by {np.degrees(angle):.0f} "
-                f"degrees it costs {100 * gap:.1f} % more; look at the picture, and give --camera "
-                "if the scan was taken from one place"
+                f"degrees it costs {100 * excess:.1f} % more; look at the picture, and give "
+                "--camera if the scan was taken from one place"
             )
         else:
             yield (
-                f"another pose, {1e3 * off:.0f} mm away in the mean over the vertices, costs "
-                f"{100 * gap:.1f} % more; look at both"
+                f"another pose, {1e3 * distance:.0f} mm away in the mean over the vertices, costs "
+                f"{100 * excess:.1f} % more; look at both"
             )
 
 
@@ -219,18 +219,18 @@ def _missed(fit: ModelFit, known: Support) -> Iterator[str]:
     points = fit.scan.points
     areas = np.ones(len(points)) if fit.scan.weights is None else fit.scan.weights
     away = (np.abs(known.distances) > OFF_SURFACE * fit.reach) & ~loose_points(fit.scan)
-    some = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
-    tree, left = cKDTree(points[some]), points[some][away[some]]
-    if not len(left) or len(some) <= NTH_NEIGHBOUR:
+    rows = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
+    tree, off_surface = cKDTree(points[rows]), points[rows][away[rows]]
+    if not len(off_surface) or len(rows) <= NTH_NEIGHBOUR:
         return
-    spacing = float(np.median(tree.query(points[some], k=[NTH_NEIGHBOUR + 1])[0]))
-    pairs = cKDTree(left).query_pairs(LINK_FACTOR * spacing, output_type="ndarray")
-    linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(left), len(left)))
+    spacing = float(np.median(tree.query(points[rows], k=[NTH_NEIGHBOUR + 1])[0]))
+    pairs = cKDTree(off_surface).query_pairs(LINK_FACTOR * spacing, output_type="ndarray")
+    linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(off_surface), len(off_surface)))
     cluster = connected_components(linked)[1]
-    counts, sums = np.bincount(cluster), np.bincount(cluster, areas[some][away[some]])
-    large = (counts > MOST_OFF * len(some)) & (sums > MOST_OFF * areas[some].sum())
+    counts, sums = np.bincount(cluster), np.bincount(cluster, areas[rows][away[rows]])
+    large = (counts > MOST_OFF * len(rows)) & (sums > MOST_OFF * areas[rows].sum())
     if large.any():
-        share = counts[large].max() / len(some)
+        share = counts[large].max() / len(rows)
         yield (
             f"{100 * share:.0f} % of the points lie side by side and off the surface: "
             "a part of the body that was not found, or another thing"

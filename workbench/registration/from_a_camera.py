@@ -17,8 +17,8 @@ from workbench.residuals import Residual, free_space, geman_mcclure, scaled
 from workbench.residuals.scans import BESIDE, Shadow
 
 VERTICES_KEPT_OUT = 300  # vertices of the body, drawn at random, that are kept out of empty space
-LEAST_SIGMA = 0.03  # m: as far into empty space a vertex gets without being wrong, at least
-SIGMA_FACTOR = 3.0  # times the sigma of a stage: the same, if that is more
+LEAST_SIGMA = 0.03  # m, of how far vertices are in empty space, at least
+SIGMA_FACTOR = 3.0  # times the sigma of a stage: that, if it is more
 KERNEL_REACH = 0.2  # m: the scale of the robust kernel; a limb in empty space has a long way back
 MOST_BEHIND = 0.02  # of the points of a scan may be behind a camera that looks at their middle
 
@@ -140,21 +140,21 @@ class _Look:
     """
 
     def __init__(self, scan: Scan, camera: Array) -> None:
-        some = np.random.default_rng(0).permutation(scan.n_points)[:COMPARED_POINTS]
-        self.points = scan.points[some]
-        self.normals = None if scan.normals is None else scan.normals[some]
+        rows = np.random.default_rng(0).permutation(scan.n_points)[:COMPARED_POINTS]
+        self.points = scan.points[rows]
+        self.normals = None if scan.normals is None else scan.normals[rows]
         self.shadow = Shadow.of(scan.points, camera)
         self.middle: Array = np.median(scan.points, axis=0)
         self.ends: Array = np.quantile(scan.points[:, 1], [STRAY_SHARE, 1 - STRAY_SHARE])
-        self.way = (self.middle - camera) / np.linalg.norm(self.middle - camera)
+        self.direction = (self.middle - camera) / np.linalg.norm(self.middle - camera)
 
     def place(self, vertices: Array, normals: Array) -> Array:
         """The translation (3,) m that brings what faces the camera to the scan."""
-        faces = -normals @ self.way > LEAST_TOWARDS
-        off = self.middle - np.median(vertices[faces] if faces.any() else vertices, axis=0)
+        towards = -normals @ self.direction > LEAST_TOWARDS
+        shift = self.middle - np.median(vertices[towards] if towards.any() else vertices, axis=0)
         if np.ptp(self.ends) > WHOLE_HEIGHT * np.ptp(vertices[:, 1]):
-            off[1] = self.ends[0] - vertices[:, 1].min()
-        return np.asarray(off)
+            shift[1] = self.ends[0] - vertices[:, 1].min()
+        return np.asarray(shift)
 
     def unlike(self, vertices: Array, normals: Array) -> float:
         """How much the points differ from a body (n, 3) m, from 0 to 1."""

@@ -260,7 +260,7 @@ class Icp:
             if following is None:
                 stopped = Stopped.NO_LOWER
                 break
-            distance, place = place.to(following), following
+            distance, place = place.distance_to(following), following
             keep(place, distance)
             if distance <= self.tolerance:
                 stopped = Stopped.SETTLED
@@ -270,12 +270,13 @@ class Icp:
     def _next(self, place: "_Place") -> "_Place | None":
         """The place after one step, or None if the cost falls along no part of it."""
         motion = self.step(place.contacts())
-        moved = place.at(motion)
-        if not self.halvings or moved.cost <= place.cost or place.to(moved) <= self.tolerance:
+        moved = place.after(motion)
+        settled = place.distance_to(moved) <= self.tolerance
+        if not self.halvings or moved.cost <= place.cost or settled:
             return moved
         centre = place.points.mean(axis=0)
         for k in range(1, self.halvings + 1):
-            moved = place.at(part_of(motion, 0.5**k, centre))
+            moved = place.after(part_of(motion, 0.5**k, centre))
             if moved.cost <= place.cost:
                 return moved
         return None
@@ -312,11 +313,11 @@ class _Place:
             (self.weights * self.loss_weights)[touching],
         )
 
-    def at(self, step: Similarity) -> "_Place":
+    def after(self, step: Similarity) -> "_Place":
         """The place after a step from here."""
         return _Place(self.icp, self.source, self.target, step.after(self.motion))
 
-    def to(self, other: "_Place") -> float:
+    def distance_to(self, other: "_Place") -> float:
         """How far, m, the point that moves farthest comes on the way to another place."""
         return float(np.linalg.norm(other.points - self.points, axis=1).max())
 

@@ -395,13 +395,13 @@ def _hypotheses(body: Body, solutions: Sequence[Solution], same: float) -> list[
     for number in sorted(range(len(solutions)), key=lambda k: solutions[k].cost):
         end = solutions[number]
         joints = joints_of(body, end.values)
-        off = [float(np.linalg.norm(joints - known, axis=1).mean()) for known in placed]
-        near = next((i for i, d in enumerate(off) if d < same), None)
-        if near is None:
+        distances = [float(np.linalg.norm(joints - known, axis=1).mean()) for known in placed]
+        same_end = next((i for i, d in enumerate(distances) if d < same), None)
+        if same_end is None:
             kept.append(Hypothesis(end.values, end.cost, end.status, (number,), end.violation))
             placed.append(joints)
         else:
-            kept[near] = replace(kept[near], starts=(*kept[near].starts, number))
+            kept[same_end] = replace(kept[same_end], starts=(*kept[same_end].starts, number))
     return kept
 
 
@@ -429,9 +429,9 @@ def unfolded(runs: StageRuns, screen: Problem, hypothesis: Hypothesis, near: flo
 
     first = best = solve(hypothesis.values)
     for _ in range(MOST_SWEEPS):
-        here = {**hypothesis.values, **best.values}
+        values = {**hypothesis.values, **best.values}
         starts = [
-            {**here, pose: with_limb(here[pose], limb, other)}
+            {**values, pose: with_limb(values[pose], limb, other)}
             for limb in limbs(body.parents)
             for other in poses
         ]

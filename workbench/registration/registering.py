@@ -171,13 +171,13 @@ def register(
     """
     scan = Scan.of(scan)
     recipe = usual_recipe(body) if recipe is None else recipe
-    inner = ~boundary(scan, width=recipe.boundary) if recipe.boundary else None
-    used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))
+    keep = ~boundary(scan, width=recipe.boundary) if recipe.boundary else None
+    used = scan if keep is None else scan.some(keep)
     outside = camera if camera is None or sees(camera, used.points) else None
     known_camera = outside if recipe.empty else None
     began = time.perf_counter()
     with Interrupts() as interrupts:
-        fit = recipe.fit(body, scan, keep=inner, camera=known_camera, progress=progress)
+        fit = recipe.fit(body, scan, keep=keep, camera=known_camera, progress=progress)
         interrupts.check()
         supported = support(fit, near=recipe.near)
         sentences = doubts(fit, supported, camera=outside, limits=recipe.doubts)
@@ -188,7 +188,7 @@ def register(
         stages: list[StageOutcome] = []
 
         def ended(name: str, unknowns: int, iterations: int, cost: float) -> None:
-            away = np.abs(_distances(fit.scan, vertices, body.faces))
+            away = np.abs(_signed_distances(fit.scan, vertices, body.faces))
             touching = away < fit.reach
             median = float(np.median(away[touching])) if touching.any() else float("nan")
             seconds = time.perf_counter() - began - sum(stage.seconds for stage in stages)
@@ -213,14 +213,14 @@ def register(
     x, _, z = facing(kept[names[0]][0], body.bind_pose[0])
     return Registration(
         scan=used,
-        left_out=left_out,
+        left_out=scan.n_points - used.n_points,
         faces=body.faces,
         values=kept,
         model=np.asarray(body.vertices(*(kept[name] for name in names))),
         vertices=np.asarray(vertices),
         seen=seen,
         sd=supported.sd,
-        distances=_distances(used, vertices, body.faces),
+        distances=_signed_distances(used, vertices, body.faces),
         stages=tuple(stages),
         others=_others(fit),
         doubts=sentences,
@@ -255,7 +255,7 @@ def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     }
 
 
-def _distances(scan: Scan, vertices: Array, faces: Index) -> Array:
+def _signed_distances(scan: Scan, vertices: Array, faces: Index) -> Array:
     """(M,) m, signed; infinite where no surface within 30 cm faces the way of a point."""
     contacts = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
     return np.asarray(np.where(contacts.faces >= 0, contacts.distances, np.inf))

@@ -147,15 +147,15 @@ def hand_starts(body: Body, scan: Scan) -> tuple[Values, ...]:
     hands, (pose, betas, _) = [mean_hand(body)], (block.name for block in body.blocks())
     if has_pose_space(body):
         space = pose_space(body, 1)
-        bent = [space.poses(body, np.atleast_1d(x * space.deviations)) for x in CLOSURES]
-        hands = [hands[0] | {pose: one} for one in bent]
+        closed = [space.poses(body, np.atleast_1d(x * space.deviations)) for x in CLOSURES]
+        hands = [hands[0] | {pose: poses} for poses in closed]
     middle, axes = _principal_frame(scan.points)
     starts = []
     for hand in hands:
-        own, own_axes = _principal_frame(body.vertices(hand[pose]))
+        centre, own_axes = _principal_frame(body.vertices(hand[pose]))
         for turn in Rotation.create_group("O").as_matrix():
             R = axes @ turn @ own_axes.T
-            starts.append(hand | moved(body, R, middle - R @ own, hand[pose], hand[betas]))
+            starts.append(hand | moved(body, R, middle - R @ centre, hand[pose], hand[betas]))
     return tuple(starts)
 
 

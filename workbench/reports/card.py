@@ -29,7 +29,6 @@ def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str
     `source` is the file that the body is from. Raises BadFile if the place cannot be written or
     holds something else, the card of another file too, and BadBody for what is no body.
     """
-    check_kind(body)
     contents = {"index.html": card_page(body), "card.txt": card_text(body) + "\n"}
     summary = {"kind": "card", "name": body.name, "facts": facts(body), "card": dict(body.card)}
     return write_folder(folder, source, contents, summary)

@@ -35,7 +35,7 @@ def refuse_foreign(folder: Path, source: str | None = None) -> None:
             f"{folder} exists and holds no {SUMMARY} of a report, so it is not overwritten; "
             "move it away or choose another folder"
         )
-    before = summary.get("source", source)  # what says nothing about its source is not asked
+    before = summary.get("source", source)  # a summary without one is not compared
     if source is not None and before != source:
         held, new = (of or f"the workbench's own {folder.name}" for of in (before, source))
         raise BadFile(
@@ -44,18 +44,23 @@ def refuse_foreign(folder: Path, source: str | None = None) -> None:
         )
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, unless they exist. Raises BadFile."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadFile(
+            f"cannot make the folder {folder}: {error.strerror}; choose another folder"
+        ) from error
+
+
 def own_folder(folder: Path, source: str) -> None:
     """Make a folder to which results are added one by one, unless it is there already.
 
     Raises BadFile as `refuse_foreign` does, and if it cannot be made.
     """
     refuse_foreign(folder, source)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadFile(
-            f"cannot make the folder {folder}: {error.strerror}; choose another with --out"
-        ) from error
+    make_folder(folder)
 
 
 def write_folder(

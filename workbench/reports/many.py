@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from urllib.parse import quote
 
 import numpy as np
@@ -54,6 +54,8 @@ class ImageFolder:
     Raises BadFile if the folder holds something else, or cannot be made.
     """
 
+    FILES: ClassVar = "images"  # in sentences: images are fitted
+    DONE: ClassVar = "fitted"
     place: Path  # where it is
     work: ImageWork  # how images are read and fitted
     body_name: str  # the body as it was given
@@ -83,9 +85,10 @@ class ImageFolder:
         return kept_entry(job.name, key, facts, others)
 
     def keep(self, fit: FittedImage, key: str) -> Entry:
-        """Write the fit of an image, its arrays first, and return its entry.
+        """Write the fit of an image, and return its entry.
 
-        What was there before counts no longer as soon as its facts, which hold its key, are gone.
+        Facts of before, which hold a key, are removed first, and new ones are written last, so that
+        an interrupt leaves no entry of which a part is missing.
         """
         self._path(fit.job, "json").unlink(missing_ok=True)
         values, others = fit.values, fit.others
@@ -203,12 +206,15 @@ class RegistrationFolder:
     Raises BadFile if the folder holds something else, or cannot be made.
     """
 
+    FILES: ClassVar = "scans"  # in sentences: scans are registered
+    DONE: ClassVar = "registered"
     place: Path  # where it is
     body: Body  # the body whose template is registered
     body_name: str  # as it was given
     recipe: Recipe  # how scans are registered
     reading: Reading  # how their files are read
     source: str  # what was given, by which the folder is known as ours
+    rows: Mapping[str, Row]  # for training: subject, gender and set, by the scan's name
 
     def __post_init__(self) -> None:
         own_folder(self.place, self.source)
@@ -235,17 +241,16 @@ class RegistrationFolder:
         assert entry is not None  # it has just been written
         return entry
 
-    def finish(
-        self, entries: Sequence[Entry], rows: Sequence[Row], failed: Sequence[FailedScan]
-    ) -> Path:
+    def finish(self, entries: Sequence[Entry], failed: Sequence[FailedScan]) -> Path:
         """Write the page over all scans and, for training, the table of subjects and the body.
 
-        `rows` has for each entry its subject, its gender and its set. Returns the page. Without
-        entries there is no table.
+        Returns the page. Without entries there is no table.
         """
         write_file(self.place / "index.html", self._page(entries, failed))
         if entries:
-            write_file(self.place / TABLE, subjects_csv(rows))
+            write_file(
+                self.place / TABLE, subjects_csv([self.rows[entry.name] for entry in entries])
+            )
         if isinstance(self.body, SkinnedBody):
             save_body(self.body, self.place / START)
         else:

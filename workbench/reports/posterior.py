@@ -118,7 +118,7 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
     E, _, W, k = p.draws.shape
     m, chains = p.mixing, f"{E} independent ensembles of {W} walkers"
     if p.method == "hamiltonian":
-        chains = f"Hamiltonian Monte Carlo of all free numbers: {E} groups of {W} chains"
+        chains = f"Hamiltonian Monte Carlo of all unknowns: {E} groups of {W} chains"
     section = {
         "part": part,
         "how": f"{k} entries; {chains}, {m.steps:,} steps after "
@@ -250,7 +250,7 @@ def blocks_table(parts: Sequence[BlockPosterior], setup: Setup) -> Table:
             for count, p in zip(inside, posteriors, strict=True)
         ]
     right = [i for i, name in enumerate(columns) if name in ("entries", "ratio", "ESS", "R-hat")]
-    columns["other free numbers"] = [p.rest for p in posteriors]
+    columns["other unknowns"] = [p.rest for p in posteriors]
     return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), tuple(right))
 
 

@@ -38,7 +38,7 @@ from workbench.training.folder import COLUMNS, TABLE, Row
 from workbench.writing import write_arrays, write_file
 
 ARRAYS, MESH = "registration.npz", "registration.ply"
-FORMAT = 2  # of what is kept; raise it when these files change, so that none of before is taken
+FORMAT = 2  # of what is kept; raise it when these files change, so that older ones are not reused
 FILES = {
     "index.html": "this page",
     ARRAYS: "vertices, faces and confidence, as `workbench train` reads them; pose, betas and "

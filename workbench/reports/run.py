@@ -286,7 +286,7 @@ def better_sentence(outcome: Outcome) -> str:
     return (
         f"{outcome.better} found a lower cost from the same start: {number(other, 6)}, which is "
         f"{number(own - other)} ({(own - other) / own:.1%}) less than {outcome.solver} found. This "
-        "end is not the best one known."
+        "is not the lowest cost known."
     )
 
 
@@ -322,8 +322,8 @@ def solvers_table(outcome: Outcome) -> Table:
 def ending_in_sentences(solution: Solution) -> tuple[str, str]:
     """How a run ended: what its status means, and what the solver adds to that.
 
-    The message of a run that has converged says itself what was found out, which is less after a
-    large gradient tolerance.
+    The message of a converged run says what was verified, which is less if the gradient tolerance
+    is large.
     """
     advice, message = solution.status.value, solution.message
     if message.startswith(advice):
@@ -344,7 +344,7 @@ def hypotheses_table(solution: Solution) -> Table:
 
 
 def value_tables(outcome: Outcome) -> list[Table]:
-    """The free numbers of each small block, one by one."""
+    """The unknowns of each small block, one by one."""
     tables = []
     for block in outcome.diagnosis.free.blocks:
         if block.size <= SMALL_BLOCK:

@@ -26,7 +26,7 @@ class ContactNumbers:
 
     numbers: Array  # (M, d) m, such as one signed distance of each of M points
     in_contact: Mask  # (M,) which points have a contact; the numbers of the others are constant
-    derivative: Callable[[], csr_array]  # makes `jacobian`, which is not needed at many a point
+    derivative: Callable[[], csr_array]  # makes `jacobian`, when it is first asked for
 
     @cached_property
     def jacobian(self) -> csr_array:

@@ -109,19 +109,9 @@ def keypoints(
     same_shape(name, pixels, target)
     weights = confidences(name, confidence, M, "keypoints")
     off = cs.vec(pixels - target)  # (2 M, 1) px
-    labels = row_labels(points, "uv")
+    labels, depths = row_labels(points, "uv"), seen[2, :].T
     return Residual(
-        name,
-        off,
-        sigma,
-        "px",
-        kernel,
-        reads,
-        labels,
-        weights,
-        camera.blocks,
-        rows_per_point=2,
-        domain=seen[2, :].T,
+        name, off, sigma, "px", kernel, reads, labels, weights, camera.blocks, 2, domain=depths
     )
 
 

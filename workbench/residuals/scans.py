@@ -59,8 +59,8 @@ def scan_to_model(
     area that it stands for or its confidence, is outside of the kernel. A point farther than
     `within` metres from the surface has no contact; its distance is `within`, and constant. With
     oriented unit `normals` (M, 3) of the scan, only triangles whose normals have a cosine of at
-    least `facing` with the point's are candidates; `within` must then be finite. `form` says what
-    a contact is worth: `distance`, `offset` (three rows) or `loose`.
+    least `facing` with the point's are candidates; `within` must then be finite. `form` says which
+    numbers a contact has: `distance`, `offset` (three rows) or `loose`.
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """

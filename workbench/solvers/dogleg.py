@@ -113,14 +113,10 @@ class Dogleg(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes no bounds."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.REFUSED,
-            source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
-            note="with the radius rules of chumpy, with which SMPL was first fitted"
-            if self.rule is chumpy
-            else "",
-        )
+        source = "Powell 1970; Madsen, Nielsen and Tingleff 2004"
+        of_chumpy = "with the radius rules of chumpy, with which SMPL was first fitted"
+        note = of_chumpy if self.rule is chumpy else ""
+        return Abilities(Derivative.JACOBIAN, Boxes.REFUSED, source=source, note=note)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""

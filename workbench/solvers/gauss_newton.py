@@ -135,12 +135,7 @@ class SteepestDescent(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian for the length of the step, and is meant for teaching."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.REFUSED,
-            teaching=True,
-            source="Cauchy 1847",
-        )
+        return Abilities(Derivative.JACOBIAN, Boxes.REFUSED, teaching=True, source="Cauchy 1847")
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""

@@ -120,11 +120,15 @@ def ending(run: "Run", stop: Stop) -> Ending:
 
 def _at_best(run: "Run") -> tuple[Linearization, float]:
     """The linearization and the optimality at the best point of a run, which is chosen here."""
+
+    def linearized(x: Array) -> Linearization:  # without limits, because the run is over
+        return run.linearizations.at(x) or run.problem.linearize_at(x, run.fixed)
+
     best, cheapest = run.best, run.best.x
-    here = _linearized(run, cheapest)
+    here = linearized(cheapest)
     optimality = best.decide(run.rounding_noise.optimality(cheapest, here))
     if best.x is not cheapest:
-        here = _linearized(run, best.x)
+        here = linearized(best.x)
     return _wrapped(run, here, optimality)
 
 
@@ -249,12 +253,6 @@ def _changes(end: EndPoint, moved: Mask, side: float) -> Iterator[float]:
             noise = end.rounding.of_decrease(end.here.residual, r != end.here.residual)
             yield 0.0 if abs(fall) <= noise else fall
         share /= 10
-
-
-def _linearized(run: "Run", x: Array) -> Linearization:
-    """Residual and Jacobian at x (n,), evaluated without limits because the run is over."""
-    kept = run.linearizations.at(x)
-    return run.problem.linearize_at(x, run.fixed) if kept is None else kept
 
 
 def _at_saddle(end: EndPoint, beside: Saddle, result: Ending) -> Ending:

@@ -94,12 +94,10 @@ class LevenbergMarquardt(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds."""
-        further = "; Shamanskii 1967; Fan 2012" if self.steps_per_jacobian > 1 else ""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            source=f"Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999{further}",
-        )
+        source = "Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999"
+        if self.steps_per_jacobian > 1:
+            source += "; Shamanskii 1967; Fan 2012"
+        return Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""

@@ -70,11 +70,8 @@ class Newton(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Hessian at every iterate, and takes no bounds."""
-        return Abilities(
-            Derivative.HESSIAN,
-            Boxes.REFUSED,
-            source="Nocedal and Wright 2006, section 3.4",
-        )
+        source = "Nocedal and Wright 2006, section 3.4"
+        return Abilities(Derivative.HESSIAN, Boxes.REFUSED, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""

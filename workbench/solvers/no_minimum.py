@@ -129,13 +129,10 @@ class Saddle(NamedTuple):
     """What shows that a point is no minimum.
 
     Attributes:
-        direction: (n,) along which the cost falls, of length 1, in the unknowns y_i = D_i x_i,
-            which change the residual by themselves by about one sigma.
-        to: (n,) a point along it where the cost is lower.
+        to: (n,) a point where the cost is lower.
         fall: by how much it is lower there.
     """
 
-    direction: Array
     to: Array
     fall: float
 
@@ -290,7 +287,7 @@ def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
                     break
                 best, fall = 2 * best, further
             to = np.clip(x + best * d / D, low, high)
-            return Saddle(np.sign(best) * d, to, fall) if fall > end.worth else None
+            return Saddle(to, fall) if fall > end.worth else None
         if curved < -noise:
             return None
         distance *= 10

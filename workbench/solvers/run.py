@@ -47,9 +47,11 @@ MORE_STATIONARY = 0.99  # of the optimality before, at most, where costs do not 
 class Run:
     """One run of a solver: a context that ends with a Stop, after which `solution` says how.
 
-    Its methods evaluate at flat vectors and raise Stop when a limit is reached. An interrupt from
-    the keyboard also ends the run and keeps the best point: until `solution` returns, signals are
-    noted and looked at before every evaluation. Linear algebra uses WORKBENCH_THREADS threads.
+    A solver calls `begin`, then `gain_ratio` (or `cost`) at every trial point, and `move` to one
+    that it takes. These evaluate at flat vectors and count that; each point is offered to `best`,
+    and each iterate goes into the `trace`. Stop is raised when a limit is reached. An interrupt
+    from the keyboard also ends the run and keeps the best point: until `solution` returns, signals
+    are noted and looked at before every evaluation. Linear algebra uses WORKBENCH_THREADS threads.
     Raises NotSupported, before anything is evaluated, for a problem that the solver does not take.
     """
 
@@ -434,10 +436,9 @@ class LinearizationCache:
         """Free the memory of the linearization and of everything measured there."""
         self._here, self._measured = None, {}
 
-    def keep(self, x: Array, here: Linearization) -> Linearization:
-        """Keep a linearization at x (n,) in place of the one before, and return it."""
+    def keep(self, x: Array, here: Linearization) -> None:
+        """Keep a linearization at x (n,) in place of the one before."""
         self._point, self._here, self._measured = x.tobytes(), here, {}
-        return here
 
     def once(self, what: str, here: Linearization, measure: Callable[[], T]) -> T:
         """The result of `measure`, which is called once for the linearization that is kept.
@@ -502,11 +503,7 @@ class RoundingNoise:
         return self._linearizations.once("optimality", here, measure)
 
     def hides(
-        self,
-        predicted: float,
-        x: Array,
-        here: Linearization,
-        moved: Mask | None = None,
+        self, predicted: float, x: Array, here: Linearization, moved: Mask | None = None
     ) -> bool:
         """Whether rounding may hide that the cost falls from x (n,) by as much as `predicted`.
 

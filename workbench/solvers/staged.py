@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import NoneType
 
 import numpy as np
 
@@ -60,7 +59,8 @@ class SolveStage:
     def __post_init__(self) -> None:
         if self.solver is not None:
             checked(self.solver)
-        if not isinstance(self.free, (tuple, NoneType)) or self.free == ():
+        names = ("",) if self.free is None else self.free
+        if not (isinstance(names, tuple) and names and all(isinstance(n, str) for n in names)):
             raise BadArgument(
                 "a stage is a tuple of names of blocks or entries, such as "
                 f"('trans', 'pose[pelvis]'), or None for all, not {self.free!r}"

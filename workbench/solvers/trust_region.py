@@ -93,11 +93,8 @@ class TrustRegion(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            source="Moré 1978; Transtrum and Sethna 2012",
-        )
+        source = "Moré 1978; Transtrum and Sethna 2012"
+        return Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
@@ -109,8 +106,10 @@ class TrustRegion(Limits):
             least = SMALLEST_RADIUS * max(size, radius)
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
-                damped = self._damped(problem, x, here)
-                step, damping = step_within(radius, damped, steepness, damping)
+                # nothing may hold what `_damped` returns, for that holds `here`
+                step, damping = step_within(
+                    radius, self._damped(problem, x, here), steepness, damping
+                )
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
                 length = float(np.linalg.norm(step.p))

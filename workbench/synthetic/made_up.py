@@ -157,19 +157,19 @@ class CorruptedRegistrations:
         batch = self.of.read(some)
         vertices, confidence = batch.vertices.copy(), batch.confidence.copy()
         rows = range(len(self.subject))[some]
-        for at, (row, v) in enumerate(zip(rows, vertices, strict=True)):
+        for j, (row, v) in enumerate(zip(rows, vertices, strict=True)):
             rng = np.random.default_rng((self.seed, row))
             N = len(v)
             drawn = self.noise * rng.standard_normal((N, 3))
             middle = v[rng.integers(N)]
-            away = rng.standard_normal((N, 3))
+            errors = rng.standard_normal((N, 3))
             hit = rng.random(N) < self.outliers
-            gone = np.argsort(np.linalg.norm(v - middle, axis=1))[: int(self.missing * N)]
-            vertices[at] += drawn
-            length = np.linalg.norm(away, axis=1, keepdims=True)
-            vertices[at] += np.where(hit[:, None], self.far * away / length, 0)
-            vertices[at][gone] = middle
-            confidence[at][gone] = 0
+            missing = np.argsort(np.linalg.norm(v - middle, axis=1))[: int(self.missing * N)]
+            vertices[j] += drawn
+            length = np.linalg.norm(errors, axis=1, keepdims=True)
+            vertices[j] += np.where(hit[:, None], self.far * errors / length, 0)
+            vertices[j][missing] = middle
+            confidence[j][missing] = 0
         return Batch(batch.some, batch.subject, vertices, confidence)
 
 

@@ -137,26 +137,26 @@ def visible(vertices: Array, faces: Index, scanner: Scanner) -> Mask:
     """
     width, height = scanner.size
     seen = scanner.seen(vertices)
-    there = np.asarray(seen[:, 2] > NEAREST_SEEN)
-    rays = seen / np.where(there, seen[:, 2], 1.0)[:, None]
-    column, row = np.floor(_image(seen, there, scanner)).astype(np.int64).T
-    there &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    order = np.flatnonzero(there)
+    is_visible = np.asarray(seen[:, 2] > NEAREST_SEEN)
+    rays = seen / np.where(is_visible, seen[:, 2], 1.0)[:, None]
+    column, row = np.floor(_image(seen, is_visible, scanner)).astype(np.int64).T
+    is_visible &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    order = np.flatnonzero(is_visible)
     cell = row[order] * width + column[order]
     order = order[np.argsort(cell, kind="stable")]
     first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=scanner.n_pixels))])
-    for face, at in _pairs(_boxes(seen[faces], scanner), first, width):
-        vertex, depth, before, _ = _hits(seen[faces], rays, face, order[at])
-        other = (faces[before] != vertex[:, None]).all(axis=1)
-        there[vertex[other & (depth < seen[vertex, 2] - SAME_DEPTH)]] = False
-    return there
+    for face, rays_met in _pairs(_boxes(seen[faces], scanner), first, width):
+        vertex, depth, faces_met, _ = _hits(seen[faces], rays, face, order[rays_met])
+        other = (faces[faces_met] != vertex[:, None]).all(axis=1)
+        is_visible[vertex[other & (depth < seen[vertex, 2] - SAME_DEPTH)]] = False
+    return is_visible
 
 
-def _image(seen: Array, there: Mask, scanner: Scanner) -> Array:
+def _image(seen: Array, before: Mask, scanner: Scanner) -> Array:
     """Points (..., 3) m of the scanner's frame in the image, (..., 2) px; where not there, -1."""
-    z = np.where(there, seen[..., 2], 1.0)[..., None]
+    z = np.where(before, seen[..., 2], 1.0)[..., None]
     pixels = scanner.focal * seen[..., :2] / z + np.array(scanner.size) / 2
-    return np.where(there[..., None], pixels, -1.0)
+    return np.where(before[..., None], pixels, -1.0)
 
 
 def _boxes(corners: Array, scanner: Scanner) -> Index:
@@ -182,14 +182,14 @@ def _pairs(boxes: Index, first: Index, width: int) -> Iterator[tuple[Index, Inde
     across, down = (boxes[:, 1] - boxes[:, 0] + 1).clip(0).T
     strips = np.repeat(np.arange(len(boxes)), np.where(across > 0, down, 0))
     row = boxes[strips, 0, 1] + _counted(np.where(across > 0, down, 0))
-    begin = first[row * width + boxes[strips, 0, 0]]  # the rays of a strip follow each other
-    count = first[row * width + boxes[strips, 1, 0] + 1] - begin
+    first_ray = first[row * width + boxes[strips, 0, 0]]  # the rays of a strip follow each other
+    count = first[row * width + boxes[strips, 1, 0] + 1] - first_ray
     part = np.cumsum(count) // PAIRS_AT_ONCE
     for i in range(int(part.max(initial=0)) + 1):
         some = slice(*np.searchsorted(part, [i, i + 1]))
         yield (
             np.repeat(strips[some], count[some]),
-            np.repeat(begin[some], count[some]) + _counted(count[some]),
+            np.repeat(first_ray[some], count[some]) + _counted(count[some]),
         )
 
 
@@ -212,11 +212,11 @@ def _hits(
     facing = np.einsum("pi,pi->p", n, d)
     with np.errstate(divide="ignore", invalid="ignore"):  # triangles that are seen as lines
         depth = np.einsum("pi,pi->p", n, a[face]) / facing
-    there = (facing != 0) & (depth > NEAREST_SEEN)
-    face, ray, depth, n = face[there], ray[there], depth[there], n[there]
-    points, at = depth[:, None] * d[there], (a[face], b[face], c[face])
+    in_front = (facing != 0) & (depth > NEAREST_SEEN)
+    face, ray, depth, n = face[in_front], ray[in_front], depth[in_front], n[in_front]
+    points, triangle = depth[:, None] * d[in_front], (a[face], b[face], c[face])
     areas = [
-        np.einsum("pi,pi->p", np.cross(at[j] - at[i], points - at[i]), n)
+        np.einsum("pi,pi->p", np.cross(triangle[j] - triangle[i], points - triangle[i]), n)
         for i, j in ((1, 2), (2, 0), (0, 1))
     ]
     shares = np.stack(areas, axis=1).clip(0)

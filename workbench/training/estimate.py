@@ -260,9 +260,9 @@ class SkinningPass:
         A = ancestors(self.estimate.parents)
         offsets = A @ self.shifts  # of the binding motions
         posed = self.by_joint() * self.estimate.weights[..., None]
-        at = _times(self.posing.world, self.estimate.joints[self.subject]) + offsets
+        joints = _times(self.posing.world, self.estimate.joints[self.subject]) + offsets
         below = np.einsum("km,jnka->jnma", A, posed, optimize=True)
-        return np.asarray(below - self.estimate.subtree_weights[..., None] * at[:, None])
+        return np.asarray(below - self.estimate.subtree_weights[..., None] * joints[:, None])
 
     def blend_shape_turn_derivatives(self) -> Array:
         """How small turns of all joints but the root move vertices by pose blend shapes.

@@ -129,7 +129,7 @@ def shape_share(body: SkinnedBody, people: Array) -> float:
     away = people - body.template
     away = (away - away.mean(axis=1, keepdims=True)).reshape(len(people), -1)
     S = body.shapedirs - body.shapedirs.mean(axis=0, keepdims=True)
-    Q, _ = np.linalg.qr(S.reshape(-1, body.n_betas))
+    Q, _ = np.linalg.qr(S.reshape(away.shape[1], -1))
     whole = np.sum(away**2)
     return float(np.sum((away @ Q) ** 2) / whole) if whole else 1.0
 

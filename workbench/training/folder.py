@@ -118,10 +118,10 @@ class FolderRegistrations:
 
     def read(self, some: slice) -> Batch:
         """The registrations of these rows, read from their files. Raises BadFile."""
-        vertices, confidence = zip(*(self.one(row) for row in self.rows[some]), strict=True)
+        vertices, confidence = zip(*(self.read_row(row) for row in self.rows[some]), strict=True)
         return Batch(some, self.subject[some], np.stack(vertices), np.stack(confidence))
 
-    def one(self, row: Row) -> tuple[Array, Array]:
+    def read_row(self, row: Row) -> tuple[Array, Array]:
         """The vertices (N, 3) m of a row, and their confidence (N,)."""
         N, (vertices, faces, confidence) = self.n_vertices, _read_mesh(self.folder, row.file)
         if vertices.shape != (N, 3):
@@ -168,7 +168,7 @@ def check_every_file(registrations: FolderRegistrations, faces: Index, place: st
     sizes: dict[str, float] = {}
     for row in rows:
         try:
-            vertices, confidence = registrations.one(row)
+            vertices, confidence = registrations.read_row(row)
         except (WorkbenchError, OSError, ValueError) as error:
             bad.append(str(error))
             continue
@@ -302,10 +302,10 @@ def read_meshes(
     if not paths:
         raise BadFile("no meshes were given; name a folder, a stack .npy, or one file for a frame")
     place, rows = ", ".join(p.name for p in paths[:3]), [r for p in paths for r in _rows(p)]
-    if len(who := {row.subject for row in rows}) > 1:
+    if len(people := {row.subject for row in rows}) > 1:
         raise BadFile(
-            f"the meshes are of {len(who)} subjects ({some(tuple(sorted(who)))}), but a rig is "
-            "found for one; give the meshes of one, or train a body with `workbench train`"
+            f"the meshes are of {len(people)} subjects ({some(tuple(sorted(people)))}), but a rig "
+            "is found for one; give the meshes of one, or train a body with `workbench train`"
         )
     at_rest, faces = (None, None) if rest is None else _at_rest(rest)
     first = rows[0].file

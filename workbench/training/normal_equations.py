@@ -160,7 +160,7 @@ class NormalEquations:
 
         anew: list[Callable[[], BatchPass]] = [partial(evaluated, some) for some in pieces(source)]
         small = len(source.subject) * source.n_vertices * BYTES_PER_VERTEX < KEPT_BYTES
-        return [cache(one) for one in anew] if small else anew
+        return [cache(evaluate) for evaluate in anew] if small else anew
 
     def _sum(self, prior: Change, of_data: list[Change]) -> Change:
         scale = self.objective.sigmas.data**-2

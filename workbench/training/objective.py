@@ -186,12 +186,12 @@ def reflected_joints(joints: Array, mirror: Mirror) -> Array:
 
 def centred(batch: Batch, points: Array) -> tuple[Array, Array]:
     """Points (c, N, 3) minus their mean, weighted by confidence; and that mean (c, 3)."""
-    whole = batch.confidence.sum(axis=1)
-    total = trusted(batch, points).sum(axis=1)
-    if whole.ndim == 1:
-        mean = total / whole[:, None]
+    total = batch.confidence.sum(axis=1)
+    weighted = trusted(batch, points).sum(axis=1)
+    if total.ndim == 1:
+        mean = weighted / total[:, None]
     else:
-        mean = np.linalg.solve(whole, total[..., None])[..., 0]
+        mean = np.linalg.solve(total, weighted[..., None])[..., 0]
     return points - mean[:, None], mean
 
 

@@ -85,7 +85,6 @@ class PoseFit:
             depend little on shape; None compares vertices, and finds `trans` too.
         shape_sigma: of the prior on betas, in standard deviations of the population; None holds
             them at given values.
-        tolerance: on the gradient, see `LevenbergMarquardt`.
     """
 
     body: Body
@@ -94,7 +93,6 @@ class PoseFit:
     steps: int
     faces: Index | None = None
     shape_sigma: float | None = None
-    tolerance: float = TOLERANCE
 
     @cached_property
     def _ends(self) -> Index | None:
@@ -123,7 +121,7 @@ class PoseFit:
                 points, target, self._ends, sigma=sigma, confidence=trusted.symbol, name="edges"
             )
         residuals = [data]
-        if self.shape_sigma is not None:
+        if self.shape_sigma is not None and self.body.n_betas:
             residuals.append(gaussian(symbols[1], covariance=self.shape_sigma**2))
             free += ["betas"]
         return Problem(residuals, free, blocks=(observed, trusted))
@@ -143,7 +141,7 @@ class PoseFit:
         values["trans"] = self._trans(values, vertices, confidence)
         solver = LevenbergMarquardt(
             max_iterations=self.steps,
-            gradient_tolerance=self.tolerance,
+            gradient_tolerance=TOLERANCE,
             first_damping=FIRST_DAMPING,
         )
         solution = solver.solve(self.problem, values)

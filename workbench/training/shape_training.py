@@ -40,8 +40,8 @@ class LearnedShapes:
 
     def betas(self, people: Array) -> Array:
         """The betas (P, B) of the shapes closest to people (P, N, 3) m."""
-        basis = self.shapedirs.reshape(-1, self.shapedirs.shape[2])
         deviations = (people - self.template).reshape(len(people), -1)
+        basis = self.shapedirs.reshape(deviations.shape[1], -1)
         closest: Array = deviations @ basis / (basis**2).sum(axis=0)
         return closest
 
@@ -156,12 +156,9 @@ def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBo
     regressor = fit_joint_regressor(templates, estimate.joints, model.objective.rings)
     if regressor.kkt > KKT_TOLERANCE:
         raise NotLowered(f"the joint regressor has a KKT residual of {regressor.kkt:.1e}")
-    at_root, n = about_root(templates, regressor.matrix), min(n_betas, len(templates) - 1)
-    if n < 1:
-        own = at_root[0] if mirror is None else (at_root[0] + mirror.points(at_root[0])) / 2
-        space = LearnedShapes(own, np.zeros((*own.shape, 0)), np.zeros(0))
-    else:
-        space = learn_shape_space(at_root, start.faces, mirror, n)
+    at_root = about_root(templates, regressor.matrix)
+    n = min(n_betas, len(templates) - 1)
+    space = learn_shape_space(at_root, start.faces, mirror, n)
     body = SkinnedBody(
         template=space.template,
         shapedirs=space.shapedirs,
@@ -182,11 +179,14 @@ def learn_shape_space(
 ) -> LearnedShapes:
     """The principal components of un-posed people (P, N, 3) m, symmetric if there is a mirror.
 
-    The sign of the first makes a positive beta taller; those of the others make it heavier.
+    The sign of the first makes a positive beta taller; those of the others make it heavier. With
+    `n_betas` of 0 there are none, as for one person.
     """
     P, N, _ = people.shape
     mean = people.mean(axis=0)
     template = mean if mirror is None else (mean + mirror.points(mean)) / 2
+    if not n_betas:
+        return LearnedShapes(template, np.zeros((N, 3, 0)), np.zeros(0))
     deviations = (people - template).reshape(P, -1)
     gram = deviations @ deviations.T
     last = [P - n_betas, P - 1]

@@ -129,8 +129,8 @@ def _solved(K: Array, right: Array) -> tuple[Array, Mask]:
         if len(K) == 1:
             return np.zeros_like(right), np.zeros(1, dtype=bool)
         half = len(K) // 2
-        both = _solved(K[:half], right[:half]), _solved(K[half:], right[half:])
-        return np.concatenate([x for x, _ in both]), np.concatenate([exact for _, exact in both])
+        halves = _solved(K[:half], right[:half]), _solved(K[half:], right[half:])
+        return np.concatenate([x for x, _ in halves]), np.concatenate([ok for _, ok in halves])
     errors = np.linalg.norm((K @ solutions[..., None])[..., 0] - right, axis=1)
     exact: Mask = errors < 1e-12 * np.maximum(1.0, np.linalg.norm(solutions, axis=1))
     return np.asarray(solutions, dtype=float), exact

@@ -127,7 +127,7 @@ class SymbolicTraining:
         if "posedirs" in free and allowed is not None:
             reach = np.where(allowed, inf, 0.0)[:, None].repeat(3, axis=1)
             bounds["posedirs"] = (-reach, reach)
-        described = [block for who in (self.body, *self.subjects) for block in who.free.values()]
+        described = [block for body in (self.body, *self.subjects) for block in body.free.values()]
         return Problem(residuals, free, bounds, described, constraints)
 
     def values(self, estimate: Estimate) -> Values:

@@ -36,7 +36,7 @@ from workbench.writing import replacing, write_file
 MARKED = "marked"  # the folder in the keys that holds what is marked already
 UNSOLVED = "not attempted"
 NOT_IN_FILE = "its answers are not in the file of answers"
-NOT_YET = "not marked yet: the same command goes on"
+NOT_YET = "not marked yet: the same command continues"
 MISSING, TWICE = "not handed in", "handed in more than once: the better answer counts"
 T = TypeVar("T")
 
@@ -158,7 +158,7 @@ def _agree(answer: Any, expected: Any, what: str, within: float) -> None:
         try:
             equal(np.asarray(answer) / scale, np.asarray(expected) / scale, what, within)
         except Missed:
-            equal(answer, expected, what, 0.0)  # the same in the numbers of the exercise
+            equal(answer, expected, what, 0.0)  # the same, said in numbers that are not scaled
     elif answer != expected:
         raise Missed(what, repr(expected), repr(answer))
 

@@ -72,22 +72,22 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
     Raises BadFile, for a fisheye camera too.
     """
     path = Path(path)
-    tables, panoptic = _tables(path)
+    tables, panoptic = _camera_tables(path)
     if len(tables) > MOST_CAMERAS:
         raise BadFile(
             f"{path} holds {len(tables):,} cameras, and at most {MOST_CAMERAS:,} are read; leave "
             "out those that saw nothing"
         )
-    plain = [(name, _plain(path, name, table)) for name, table in tables]
-    vectors = [one for _, one in plain if "R" in one and one["R"].shape == (3,)]
+    plain = [(name, _known_entries(path, name, table)) for name, table in tables]
+    vectors = [entry for _, entry in plain if "R" in entry and entry["R"].shape == (3,)]
     notes: tuple[str, ...] = ()
-    if any(LONGEST_ROTATION < np.linalg.norm(one["R"]) < np.inf for one in vectors):
+    if any(LONGEST_ROTATION < np.linalg.norm(entry["R"]) < np.inf for entry in vectors):
         notes = (
             "rotation vectors are taken to be in degrees, as one of them is longer than a whole "
             "turn in radians",
         )
-        for one in vectors:
-            one["R"] = np.radians(one["R"])
+        for entry in vectors:
+            entry["R"] = np.radians(entry["R"])
     cameras: Calibration = {}
     for key, entries in plain:
         name = Path(str(entries.get("name", key))).name or key
@@ -101,7 +101,7 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
         camera = _camera(path, f"camera {shown(name)}", entries, len(plain) == 1, camera_to_world)
         of_it = f"of camera {shown(name)}, not read are {some(sorted(entries['unread']))}"
         cameras[name] = camera | {"notes": (*notes, of_it) if entries["unread"] else notes}
-    far = [np.linalg.norm(one["t"]) for one in cameras.values() if one["t"] is not None]
+    far = [np.linalg.norm(entry["t"]) for entry in cameras.values() if entry["t"] is not None]
     if panoptic and far and CENTIMETRE_DISTANCES[0] < np.median(far) < CENTIMETRE_DISTANCES[1]:
         note = "translations are taken to be in cm, as CMU Panoptic has them"
         for camera in cameras.values():
@@ -129,7 +129,7 @@ def cameras_of(
         [name for name in cameras if name == path.parent.name or re.search(_word(name), path.name)]
         for path in paths
     ]
-    names = [one[0] for one in own if len(one) == 1]
+    names = [matching[0] for matching in own if len(matching) == 1]
     if names == [*cameras] or not len({*names}) == len(paths) <= len(cameras):
         return cameras
     note = f"cameras are taken by the names of the files: {some(names)}"
@@ -141,19 +141,19 @@ def _word(name: str) -> str:
 
 
 @cache
-def _called() -> dict[str, str]:
+def _keys_by_alias() -> dict[str, str]:
     """The keys of numbers of a camera, by what tools call them, without capitals and separators."""
     text = (files("workbench") / "data" / "cameras" / "keys.csv").read_text(encoding="utf-8")
     rows = [line.split(",") for line in text.splitlines()[1:]]
     return {alias: key for key, aliases in rows for alias in aliases.split()}
 
 
-def _key(key: object) -> str:
+def _known_key(key: object) -> str:
     """What is called so in the files of tools; empty if it is not known."""
-    return _called().get(re.sub(r"[\W_]", "", str(key)[:60]).lower(), "")
+    return _keys_by_alias().get(re.sub(r"[\W_]", "", str(key)[:60]).lower(), "")
 
 
-def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
+def _camera_tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
     """The entries of each camera as a file has them, by name, and whether it is Panoptic's."""
     if path.is_dir():
         path /= "cameras.txt" if (path / "cameras.txt").exists() else "intri.yml"
@@ -173,19 +173,21 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
         panoptic = "calibDataSource" in data
         for key in ("cameras", "frames"):
             if isinstance(data.get(key), list | dict):
-                shared = {k: one for k, one in data.items() if _key(k) not in ("", "name")}
+                shared = {
+                    k: entry for k, entry in data.items() if _known_key(k) not in ("", "name")
+                }
                 data = data[key]
                 break
         else:
             data = _of_storage(data)
     listed = [*data.items()] if isinstance(data, dict) else []
     if isinstance(data, list):
-        listed = [(str(i), one) for i, one in enumerate(data)]
+        listed = [(str(i), entry) for i, entry in enumerate(data)]
     numbers = {*SHAPES, "fx"}
     cameras: list[tuple[str, Table]] = [
-        (str(name), {**shared, **one})
-        for name, one in listed
-        if isinstance(one, dict) and numbers & {*map(_key, one)}
+        (str(name), {**shared, **entry})
+        for name, entry in listed
+        if isinstance(entry, dict) and numbers & {*map(_known_key, entry)}
     ]
     if not cameras:
         keys = f"it has the keys {some(map(str, data))}" if isinstance(data, dict) else shown(data)
@@ -196,21 +198,21 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
     return cameras, panoptic
 
 
-def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
-    """A camera's numbers under the keys of `_called`, and the keys not read under `unread`."""
+def _known_entries(path: Path, name: str, table: Table) -> dict[str, Any]:
+    """A camera's numbers under the keys of `_keys_by_alias`, and others under `unread`."""
     entries: dict[str, Any] = {"unread": []}
     for key, value in table.items():
-        known = _key(key)
+        known = _known_key(key)
         if isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys():
             value = value["data"]  # a matrix of FileStorage
         if isinstance(value, dict) and known in ("K", "extrinsic", "pose"):
-            inner = _plain(path, name, value)  # an object of intrinsics, or of extrinsics
+            inner = _known_entries(path, name, value)  # an object of intrinsics, or of extrinsics
             entries["unread"] += inner.pop("unread")
             entries |= inner
         elif known in SHAPES and value is not None:
             what = f"{known} of camera {shown(name)}"
             numbers = numbers_in(path, what, value)
-            fitting = [one for one in SHAPES[known] if np.prod(one) == numbers.size]
+            fitting = [shape for shape in SHAPES[known] if np.prod(shape) == numbers.size]
             entries[known] = numbers.reshape(fitting[0]) if fitting else numbers
         elif known and value is not None:
             entries[known] = value
@@ -316,7 +318,7 @@ def _storage(path: Path) -> dict[str, Any]:
             if "<!" in text:
                 raise BadFile("it declares entities or a type, which FileStorage does not")
             for element in ElementTree.fromstring(text):
-                lines = [f"{one.tag}: {one.text}" for one in element]
+                lines = [f"{child.tag}: {child.text}" for child in element]
                 blocks[str(element.tag)] = "\n".join(lines) or str(element.text)
         except (ElementTree.ParseError, ValueError, BadFile) as error:
             raise BadFile(f"{path} cannot be read as XML: {cut(error)}") from error
@@ -326,10 +328,10 @@ def _storage(path: Path) -> dict[str, Any]:
             blocks[key] = entry[2]
         elif key and not line.startswith(("%", "#", "---")):
             blocks[key] += "\n" + line
-    return {key: _value(path, key, block.strip()) for key, block in blocks.items()}
+    return {key: _storage_value(path, key, block.strip()) for key, block in blocks.items()}
 
 
-def _value(path: Path, key: str, block: str) -> Any:
+def _storage_value(path: Path, key: str, block: str) -> Any:
     """A matrix, a list, a number or a text of FileStorage."""
     try:
         if head := MATRIX_HEAD.search(block):
@@ -352,23 +354,25 @@ def _of_storage(data: dict[str, Any]) -> Any:
     names = data.get("names")
     if isinstance(names, list):
         return {
-            str(n): {k.removesuffix(f"_{n}"): one for k, one in data.items() if k.endswith(f"_{n}")}
+            str(n): {
+                k.removesuffix(f"_{n}"): value for k, value in data.items() if k.endswith(f"_{n}")
+            }
             for n in names
         }
     ends = {
         end: {
-            k[:-1]: one
-            for k, one in data.items()
-            if k.endswith(end) and _key(k[:-1]) in ("K", "distortion")
+            k[:-1]: value
+            for k, value in data.items()
+            if k.endswith(end) and _known_key(k[:-1]) in ("K", "distortion")
         }
         for end in ("1", "2")
     }
-    if all("K" in map(_key, one) for one in ends.values()):
+    if all("K" in map(_known_key, value) for value in ends.values()):
         ends["1"] |= {"R": np.eye(3).tolist(), "T": [0.0] * 3}
         ends["2"] |= {key: data[key] for key in ("R", "T") if key in data}
         return ends
-    if {"K", "fx"} & {*map(_key, data)}:
-        return {"camera": {key: one for key, one in data.items() if _key(key)}}
+    if {"K", "fx"} & {*map(_known_key, data)}:
+        return {"camera": {key: value for key, value in data.items() if _known_key(key)}}
     return data
 
 

@@ -67,11 +67,19 @@ def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
     if isinstance(data, dict) and data and all(map(_has_people, data.values())):
         return [*data.items()]
     if isinstance(data, dict):
-        about = {key: one for key, one in data.items() if key not in (*PEOPLE_KEYS, "keypoints")}
+        about = {
+            key: entry for key, entry in data.items() if key not in (*PEOPLE_KEYS, "keypoints")
+        }
         frames = data.get("instance_info")
         if isinstance(data.get("skeleton"), dict) and isinstance(data.get("keypoints"), list):
             return [  # of easy_ViTPose: an object of people for each frame, points as v, u
-                (i, about | {"people": [{"keypoints": _turned(one)} for one in frame.values()]})
+                (
+                    i,
+                    about
+                    | {
+                        "people": [{"keypoints": _v_u_exchanged(entry)} for entry in frame.values()]
+                    },
+                )
                 for i, frame in enumerate(data["keypoints"])
                 if isinstance(frame, dict)
             ]
@@ -79,19 +87,20 @@ def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
         return None
     if all(map(_has_people, frames)):
         names = [
-            next((one[key] for key in IMAGE_KEYS if key in one), i) for i, one in enumerate(frames)
+            next((entry[key] for key in IMAGE_KEYS if key in entry), i)
+            for i, entry in enumerate(frames)
         ]
-        return [(name, about | one) for name, one in zip(names, frames, strict=True)]
-    if all(isinstance(one, list) and all(map(_has_keypoints, one)) for one in frames):
-        return [(i, one) for i, one in enumerate(frames)] if any(frames) else None
+        return [(name, about | entry) for name, entry in zip(names, frames, strict=True)]
+    if all(isinstance(entry, list) and all(map(_has_keypoints, entry)) for entry in frames):
+        return [(i, entry) for i, entry in enumerate(frames)] if any(frames) else None
     return None
 
 
-def _turned(points: Any) -> Any:
+def _v_u_exchanged(points: Any) -> Any:
     """Points of v, u, confidence as u, v, confidence."""
-    if not isinstance(points, list) or not all(is_point(one) for one in points):
+    if not isinstance(points, list) or not all(is_point(point) for point in points):
         return points
-    return [[one[1], one[0], *one[2:]] for one in points]
+    return [[point[1], point[0], *point[2:]] for point in points]
 
 
 def by_image(path: Path, data: Any) -> dict[int, Any]:
@@ -103,15 +112,15 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
     images: dict[int, Any] = {}
     frames = frames_in(data)
     if frames is not None:
-        for name, one in frames:
-            number = _number(path, "an entry", name)
+        for name, entry in frames:
+            number = _frame_number(path, "an entry", name)
             if number in images:
                 raise BadFile(f"{path}: two images have the number {number}, in {shown(name)} too")
-            images[number] = one
+            images[number] = entry
     elif isinstance(data, list) and data:
-        for i, one in enumerate(data):
-            name = one.get("image_id") if isinstance(one, dict) else None
-            images.setdefault(_number(path, f"[{i}]", name), []).append(one)
+        for i, entry in enumerate(data):
+            name = entry.get("image_id") if isinstance(entry, dict) else None
+            images.setdefault(_frame_number(path, f"[{i}]", name), []).append(entry)
     elif isinstance(data, dict) and isinstance(data.get("annotations"), list):
         return _annotated(path, data)
     else:
@@ -125,25 +134,25 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
 def _annotated(path: Path, data: dict[str, Any]) -> dict[int, Any]:
     """The annotations of each image of COCO's form, numbered by file names if all have numbers."""
     images = data.get("images", [])
-    if not isinstance(images, list) or not all(isinstance(one, dict) for one in images):
+    if not isinstance(images, list) or not all(isinstance(entry, dict) for entry in images):
         raise BadFile(f"{path}: images must be a list of objects, not {shown(images)}")
-    known = {str(one.get("id")): one for one in images}
-    numbers = {name: number_in(one.get("file_name")) for name, one in known.items()}
+    known = {str(entry.get("id")): entry for entry in images}
+    numbers = {name: number_in(entry.get("file_name")) for name, entry in known.items()}
     named = None not in numbers.values() and len({*numbers.values()}) == len(numbers)
-    about = {key: one for key, one in data.items() if key == "categories"}
+    about = {key: entry for key, entry in data.items() if key == "categories"}
     by_number: dict[int, Any] = {}
-    for i, one in enumerate(data["annotations"]):
-        name = one.get("image_id") if isinstance(one, dict) else None
+    for i, entry in enumerate(data["annotations"]):
+        name = entry.get("image_id") if isinstance(entry, dict) else None
         own = known.get(str(name))
         number = numbers[str(name)] if named and own is not None else None
         if number is None:
-            number = _number(path, f"annotations[{i}]", name)
+            number = _frame_number(path, f"annotations[{i}]", name)
         empty = about | {"images": [] if own is None else [own], "annotations": []}
-        by_number.setdefault(number, empty)["annotations"].append(one)
+        by_number.setdefault(number, empty)["annotations"].append(entry)
     return dict(sorted(by_number.items()))
 
 
-def _number(path: Path, where: str, name: Any) -> int:
+def _frame_number(path: Path, where: str, name: Any) -> int:
     number = number_in(name)
     if number is None:
         raise BadFile(
@@ -184,7 +193,7 @@ def person_of(
     path: str | Path, data: Any, size: tuple[int, int] | None, person: int | None
 ) -> DetectedPerson:
     """One person of what a file, or its part on one image, holds; see `read_person`."""
-    data, entries, notes = _entries(path, data)
+    data, entries, notes = _people(path, data)
     if len(entries) > MOST_PEOPLE:
         raise BadFile(
             f"{path} holds {len(entries):,} people, and at most {MOST_PEOPLE:,} are read; give a "
@@ -193,7 +202,7 @@ def person_of(
     if person is not None and entries and not 0 <= person < len(entries):
         raise no_such_person(path, person, len(entries))
     chosen = range(len(entries)) if person is None else [person] if entries else []
-    people = {i: _points_of(path, *entries[i]) for i in chosen}
+    people = {i: _main_points(path, *entries[i]) for i in chosen}
     seen = {i: trusted(points) for i, (_, points) in people.items() if len(points)}
     if not seen:
         raise BadFile(_without_keypoints(path, data))
@@ -203,7 +212,7 @@ def person_of(
     body = own or _names(path, data, len(points))
     names, points, unread = _with_parts(path, where, entry, (body, points))
     notes = [*notes, *unread]
-    if (count := sum(bool(one[:, 2].any()) for one in seen.values())) > 1:
+    if (count := sum(bool(keypoints[:, 2].any()) for keypoints in seen.values())) > 1:
         notes.append(
             f"{Path(path).name} holds {count} people; the largest, number {number} counted from "
             "0, is read, and --person takes another"
@@ -224,25 +233,23 @@ def people_of(path: str | Path, data: Any) -> list[int]:
 
     Raises BadFile.
     """
-    return [i for i, (_, one) in enumerate(_entries(path, data)[1]) if _main(one)]
+    return [i for i, (_, entry) in enumerate(_people(path, data)[1]) if _main_keypoints(entry)]
 
 
-def _main(entry: Mapping[str, Any]) -> Any:
+def _main_keypoints(entry: Mapping[str, Any]) -> Any:
     """What an entry holds under the key of a body's keypoints."""
     return next((entry[key] for key in KEYPOINT_KEYS if key in entry), None)
 
 
-def _points_of(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any, Array]:
-    main = _main(entry)
+def _main_points(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any, Array]:
+    main = _main_keypoints(entry)
     if main == []:  # an entry without a person; files may hold many
         return (), np.zeros((0, 3))
     scores = next((entry[key] for key in SCORE_KEYS if isinstance(entry.get(key), list)), None)
     return points_in(path, where, main, scores)
 
 
-def _entries(
-    path: str | Path, data: Any
-) -> tuple[Any, list[tuple[str, dict[str, Any]]], list[str]]:
+def _people(path: str | Path, data: Any) -> tuple[Any, list[tuple[str, dict[str, Any]]], list[str]]:
     """What a file says of one image; its people, each with the place in the file; and notes."""
     if is_mediapipe(data):
         return data, *mediapipe_people(path, data)
@@ -261,21 +268,24 @@ def _entries(
             where, listed = key, data[key]
         elif _has_keypoints(data):
             listed = [data]
-        elif data and any(data.values()) and all(is_point(one or [0, 0]) for one in data.values()):
+        elif data and any(data.values()) and all(is_point(p or [0, 0]) for p in data.values()):
             listed = [{"keypoints": data}]
         else:
             raise BadFile(_without_keypoints(path, data))
     elif isinstance(data, list) and data:
-        first = next((one for one in data if one is not None), None)
+        first = next((entry for entry in data if entry is not None), None)
         if is_point(first) or isinstance(first, int | float):
             listed = [{"keypoints": data}]
         elif isinstance(first, list) and first and is_point(first[0]):
-            listed = [{"keypoints": one} for one in data]
-    return data, [one for one in _objects(path, where, listed) if _has_keypoints(one[1])], []
+            listed = [{"keypoints": entry} for entry in data]
+    return data, [entry for entry in _objects(path, where, listed) if _has_keypoints(entry[1])], []
 
 
 def _without_keypoints(path: str | Path, data: Any) -> str:
     """Why a file is refused, with its keys."""
+    empty = [k for k in PEOPLE_KEYS if data.get(k) == []] if isinstance(data, dict) else []
+    if empty:
+        return f"{path} holds no person: its list `{empty[0]}` is empty"
     inside = data
     for _ in range(2):  # a list of people, or an object with one
         if isinstance(inside, dict):
@@ -293,17 +303,21 @@ def _without_keypoints(path: str | Path, data: Any) -> str:
 
 def _names(path: str | Path, data: Any, count: int) -> tuple[str, ...]:
     """The names of so many keypoints: those that the file says, or those of the usual layout."""
-    said: Any = None
+    own_names: Any = None
     if isinstance(data, dict):
         meta, categories = data.get("meta_info"), data.get("categories")
-        said = meta.get("keypoint_id2name") if isinstance(meta, dict) else data.get("skeleton")
+        own_names = meta.get("keypoint_id2name") if isinstance(meta, dict) else data.get("skeleton")
         if isinstance(categories, list) and categories and isinstance(categories[0], dict):
-            said = categories[0].get("keypoints")
-    if isinstance(said, dict):
-        said = [*said.values()]
+            own_names = categories[0].get("keypoints")
+    if isinstance(own_names, dict):
+        own_names = [*own_names.values()]
     known = BODIES.get(count)
-    if isinstance(said, list) and len(said) == count and all(isinstance(n, str) for n in said):
-        names = tuple(map(keypoint_name, said))
+    if (
+        isinstance(own_names, list)
+        and len(own_names) == count
+        and all(isinstance(n, str) for n in own_names)
+    ):
+        names = tuple(map(keypoint_name, own_names))
         if known is None or any(a != b and a in KNOWN for a, b in zip(names, known, strict=True)):
             return names
     if known is None:
@@ -351,10 +365,10 @@ def _objects(path: str | Path, what: str, entries: Any) -> list[tuple[str, dict[
     """The objects of a list, each with its place in the file: `people[3]`."""
     if not isinstance(entries, list):
         raise BadFile(f"{path}: {what} must be a list of objects, not {shown(entries)}")
-    for i, one in enumerate(entries):
-        if not isinstance(one, dict):
-            raise BadFile(f"{path}: {what}[{i}] must be an object, not {shown(one)}")
-    return [(f"{what}[{i}]", one) for i, one in enumerate(entries)]
+    for i, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            raise BadFile(f"{path}: {what}[{i}] must be an object, not {shown(entry)}")
+    return [(f"{what}[{i}]", entry) for i, entry in enumerate(entries)]
 
 
 def _image_size(path: str | Path, data: Any, entry: dict[str, Any]) -> tuple[int, int] | None:
@@ -365,12 +379,12 @@ def _image_size(path: str | Path, data: Any, entry: dict[str, Any]) -> tuple[int
     if isinstance(image_id, list | dict):  # which could be too deep to be compared
         raise BadFile(f"{path}: image_id must be a number or a text, not {shown(image_id)}")
     of_id = [
-        one
-        for one in _objects(path, "images", data.get("images", []))
-        if one[1].get("id") == image_id
+        candidate
+        for candidate in _objects(path, "images", data.get("images", []))
+        if candidate[1].get("id") == image_id
     ]
     inner = data.get("image")
-    whole = [("the image", one) for one in (inner, data) if isinstance(one, dict)]
+    whole = [("the image", candidate) for candidate in (inner, data) if isinstance(candidate, dict)]
     for where, image in of_id or whole:
         for width, height in SIZE_KEYS:
             if width in image:
@@ -424,9 +438,9 @@ def read_observations(
                 f"{path} does not say how large the image is; give --size WIDTHxHEIGHT in px"
             )
         read.append(detected)
-    if len({one.body for one in read}) > 1:
+    if len({detected.body for detected in read}) > 1:
         raise BadFile("the files list different keypoints; give files of one detector")
-    names = tuple(dict.fromkeys(name for one in read for name in one.names))
+    names = tuple(dict.fromkeys(name for detected in read for name in detected.names))
     for detected, (name, camera) in zip(read, named, strict=True):
         assert detected.size is not None
         points = np.zeros((len(names), 3))  # hands that one file lacks have confidence 0 there
@@ -435,5 +449,8 @@ def read_observations(
         photographs.append(
             Photograph(name, detected.size, points[:, :2], points[:, 2], *calibrated)
         )
-    notes = (*(note for one in read for note in one.notes), *notes_on(calibration, cameras))
+    notes = (
+        *(note for detected in read for note in detected.notes),
+        *notes_on(calibration, cameras),
+    )
     return Observations(names, tuple(photographs), notes)

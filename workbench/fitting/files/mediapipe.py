@@ -14,8 +14,8 @@ from typing import Any
 from workbench.errors import BadFile, shown, some
 from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33
 from workbench.fitting.files.points import points_in
+from workbench.fitting.observations import SIDES
 
-SIDES = ("left", "right")
 UNSEEN = [0.0, 0.0, 0.0]
 HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
 POSES_KEY = "pose_landmarks"
@@ -45,15 +45,15 @@ def mediapipe_people(
     not seen. Where a hand is seen, it replaces the three points that the body has of it. Hands
     without a body are one person. Raises BadFile.
     """
-    said = {_snake(key): value for key, value in data.items()}
-    hands, bodies = _hands(path, said), _bodies(path, said)
+    result = {_snake(key): value for key, value in data.items()}
+    hands, bodies = _hands(path, result), _bodies(path, result)
     unread = sorted(
         key
-        for key, value in said.items()
+        for key, value in result.items()
         if key not in KNOWN_KEYS and value and isinstance(value, list | dict)
     )
     notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
-    looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
+    looked_for = any("hand_landmarks" in key or "handed" in key for key in result)
     known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if looked_for else {}
     seen: dict[str, list[float]] = {}
     for side, own in zip(SIDES, HANDS, strict=True):
@@ -68,7 +68,7 @@ def mediapipe_people(
         notes.append(f"{Path(path).name} does not say whose the hands are; they go with any body")
     named = [dict(zip(MEDIAPIPE_33, body, strict=True)) for body in bodies]
     people = [known | body | seen for body in named or ([{}] if hands else [])]
-    return [(f"{POSES_KEY}[{i}]", {"keypoints": one}) for i, one in enumerate(people)], notes
+    return [(f"{POSES_KEY}[{i}]", {"keypoints": person}) for i, person in enumerate(people)], notes
 
 
 def _snake(key: Any) -> str:
@@ -76,52 +76,61 @@ def _snake(key: Any) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", str(key)[:60]).lower()
 
 
-def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, list[list[float]]]]:
+def _hands(path: str | Path, result: dict[str, Any]) -> list[tuple[str, list[list[float]]]]:
     """Each hand with its side."""
     hands = []
     for side in SIDES:
-        if entry := said.get(f"{side}_hand_landmarks"):
-            points = _one(entry)
-            hands.append((side, _points(path, f"{side}_hand_landmarks", points, 21)))
+        if entry := result.get(f"{side}_hand_landmarks"):
+            points = _list_of_points(entry)
+            hands.append((side, _checked_points(path, f"{side}_hand_landmarks", points, 21)))
     sides = next(
-        (said[key] for key in ("handedness", "handednesses", "multi_handedness") if said.get(key)),
+        (
+            result[key]
+            for key in ("handedness", "handednesses", "multi_handedness")
+            if result.get(key)
+        ),
         None,
     )
-    keys = [key for key in (*HANDS_KEYS, *((EITHER_KEY,) if sides else ())) if said.get(key)]
+    keys = [key for key in (*HANDS_KEYS, *((EITHER_KEY,) if sides else ())) if result.get(key)]
     for key in keys[:1]:
-        several = _several(path, key, said[key])
-        named = _several(path, "handedness", sides) if sides else []
+        several = _checked_list(path, key, result[key])
+        named = _checked_list(path, "handedness", sides) if sides else []
         if len(named) != len(several):
             raise BadFile(
                 f"{path} holds {len(several)} hands under {key}, and {len(named)} entries that say "
                 "which is left and which is right; write `handedness` with one for each"
             )
-        for i, (one, label) in enumerate(zip(several, named, strict=True)):
+        for i, (hand, label) in enumerate(zip(several, named, strict=True)):
             where = f"{key}[{i}]"
-            hands.append((_side(path, where, label), _points(path, where, _one(one), 21)))
+            hands.append(
+                (_side(path, where, label), _checked_points(path, where, _list_of_points(hand), 21))
+            )
     return hands
 
 
-def _bodies(path: str | Path, said: dict[str, Any]) -> list[list[list[float]]]:
-    of_either = not any("handed" in key for key in said)
-    key = POSES_KEY if said.get(POSES_KEY) else EITHER_KEY if of_either else ""
-    entries = said.get(key)
+def _bodies(path: str | Path, result: dict[str, Any]) -> list[list[list[float]]]:
+    of_either = not any("handed" in key for key in result)
+    key = POSES_KEY if result.get(POSES_KEY) else EITHER_KEY if of_either else ""
+    entries = result.get(key)
     if not entries:
         return []
     if isinstance(entries, dict) or (isinstance(entries[0], dict) and "x" in entries[0]):
         entries = [entries]  # the one person of the older solutions, and of the holistic model
-    several = _several(path, key, entries)
-    return [_points(path, f"{key}[{i}]", _one(one), 33) for i, one in enumerate(several)]
+    several = _checked_list(path, key, entries)
+    return [
+        _checked_points(path, f"{key}[{i}]", _list_of_points(body), 33)
+        for i, body in enumerate(several)
+    ]
 
 
-def _one(entry: Any) -> Any:
+def _list_of_points(entry: Any) -> Any:
     """The list of points, which messages hold under `landmark`; of several, the first."""
     if isinstance(entry, dict):
         entry = entry.get("landmark", entry.get("landmarks"))
     return entry[0] if isinstance(entry, list) and entry and isinstance(entry[0], list) else entry
 
 
-def _several(path: str | Path, key: str, entries: Any) -> list[Any]:
+def _checked_list(path: str | Path, key: str, entries: Any) -> list[Any]:
     if not isinstance(entries, list) or len(entries) > MOST_ENTRIES:
         raise BadFile(
             f"{path}: {key} must be a list of at most {MOST_ENTRIES}, not {shown(entries)}"
@@ -143,7 +152,7 @@ def _side(path: str | Path, where: str, label: Any) -> str:
     return side
 
 
-def _points(path: str | Path, where: str, entries: Any, count: int) -> list[list[float]]:
+def _checked_points(path: str | Path, where: str, entries: Any, count: int) -> list[list[float]]:
     """As many points as `count`: u and v as fractions of the image, and a confidence."""
     if not isinstance(entries, list) or len(entries) != count:
         many = f"{len(entries)} points" if isinstance(entries, list) else shown(entries)

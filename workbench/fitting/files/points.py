@@ -49,7 +49,7 @@ def is_point(entry: Any) -> bool:
     if isinstance(entry, dict):
         return {"x", "y"} <= entry.keys() or "position" in entry
     several = isinstance(entry, list) and 2 <= len(entry) <= 4
-    return several and all(isinstance(one, int | float | None) for one in entry)
+    return several and all(isinstance(number, int | float | None) for number in entry)
 
 
 def points_in(path: str | Path, where: str, entry: Any, scores: Any = None) -> Named:
@@ -64,21 +64,21 @@ def points_in(path: str | Path, where: str, entry: Any, scores: Any = None) -> N
     if isinstance(entry, dict) and isinstance(entry.get("x"), list):
         columns = [entry["x"], entry.get("y")]
         columns += [entry[key] for key in CONFIDENCE_KEYS if isinstance(entry.get(key), list)][:1]
-        if len({len(one) if isinstance(one, list) else -1 for one in columns}) > 1:
+        if len({len(item) if isinstance(item, list) else -1 for item in columns}) > 1:
             raise BadFile(f"{path}: {what} must have as many y as x, not {shown(entry.get('y'))}")
         entry = [list(row) for row in zip(*columns, strict=True)]
     elif isinstance(entry, dict):
-        names, entry = tuple(map(keypoint_name, entry)), [*map(_row, entry.values())]
-    elif isinstance(entry, list) and entry and all(isinstance(one, dict) for one in entry):
+        names, entry = tuple(map(keypoint_name, entry)), [*map(_point_row, entry.values())]
+    elif isinstance(entry, list) and entry and all(isinstance(item, dict) for item in entry):
         called = [
-            next((one[k] for k in ("name", "part", "class") if k in one), None) for one in entry
+            next((item[k] for k in ("name", "part", "class") if k in item), None) for item in entry
         ]
         if all(isinstance(name, str) for name in called):
             names = tuple(map(keypoint_name, called))
-        entry = [*map(_row, entry)]
+        entry = [*map(_point_row, entry)]
     elif isinstance(entry, list):
-        wide = next((len(one) for one in entry if isinstance(one, list) and one), 0)
-        entry = [[None] * wide if wide and not one else one for one in entry]  # null: not seen
+        wide = next((len(item) for item in entry if isinstance(item, list) and item), 0)
+        entry = [[None] * wide if wide and not item else item for item in entry]  # null: not seen
     numbers = numbers_in(path, what, entry)
     sure = None if not isinstance(scores, list) else numbers_in(path, what, scores).ravel()
     if numbers.ndim == 3 and len(numbers) == 1:  # of one person
@@ -102,7 +102,7 @@ def points_in(path: str | Path, where: str, entry: Any, scores: Any = None) -> N
     return names, np.column_stack([numbers[:, :2], sure])
 
 
-def _row(entry: Any) -> Any:
+def _point_row(entry: Any) -> Any:
     """A keypoint as u, v, confidence; 1 where no confidence is said."""
     if isinstance(entry, dict):
         place = entry["position"] if isinstance(entry.get("position"), dict) else entry

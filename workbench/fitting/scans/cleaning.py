@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
 from workbench.fitting.scans.scan import BadScan, ScanContents, drawn, faces_between
-from workbench.fitting.scans.surface import least_spread, outline
+from workbench.fitting.scans.surface import OUTLINE_CELLS, least_spread, outline
 
 LARGEST_COORDINATE = 1e9  # in the file's unit: farther out is no coordinate but damage
 FEWEST_POINTS = 100  # points
@@ -44,8 +44,8 @@ def cleaned(contents: ScanContents, most: int) -> ScanContents:
             )
         contents = replace(contents, faces=faces if len(faces) else None)
     with np.errstate(invalid="ignore"):
-        there = np.asarray((np.abs(points) < LARGEST_COORDINATE).all(axis=1))  # nor NaN
-    contents = _kept(contents, there, "NaN, infinite or beyond 1e9, and left out")
+        finite = np.asarray((np.abs(points) < LARGEST_COORDINATE).all(axis=1))  # nor NaN
+    contents = _kept(contents, finite, "NaN, infinite or beyond 1e9, and left out")
     if contents.faces is None:
         nothing = np.asarray(~contents.points.any(axis=1))
         if nothing.sum() > 1:
@@ -61,14 +61,14 @@ def cleaned(contents: ScanContents, most: int) -> ScanContents:
     contents = _merged(contents)
     if len(contents.points):
         middle = np.median(contents.points, axis=0)
-        away = np.linalg.norm(contents.points - middle, axis=1)
-        near = np.asarray(away <= FAR_RATIO * np.percentile(away, 90))
+        distances = np.linalg.norm(contents.points - middle, axis=1)
+        near = np.asarray(distances <= FAR_RATIO * np.percentile(distances, 90))
         contents = _kept(contents, near, "far from all others, and left out")
     if len(contents.points) < FEWEST_POINTS:
-        said = "".join(f"; {note}" for note in contents.notes[-4:])
+        reasons = "".join(f"; {note}" for note in contents.notes[-4:])
         raise BadScan(
             f"{len(contents.points)} different points are left of it, and a scan has at least "
-            f"{FEWEST_POINTS}{said}"
+            f"{FEWEST_POINTS}{reasons}"
         )
     return contents
 
@@ -106,46 +106,60 @@ def _plane_beside(contents: ScanContents) -> tuple[Array, Array, float] | None:
     if len(cells) < PLANE_NEIGHBOURS:
         return None
     size = float(np.ptp(cells, axis=0).max())
-    thick, step = PLANE_THICKNESS * size, size / 50
+    thick = PLANE_THICKNESS * size
     rng = np.random.default_rng(0)
     tried = rng.choice(len(cells), min(PLANES_TRIED, len(cells)), replace=False)
     normals = least_spread(cells[cKDTree(cells).query(cells, k=PLANE_NEIGHBOURS)[1]])
-    ways, at = normals[tried], cells[tried]
-    counts = (np.abs(cells @ ways.T - (at * ways).sum(axis=1)) < thick).sum(axis=0)
+    tried_normals, tried_places = normals[tried], cells[tried]
+    heights = cells @ tried_normals.T - (tried_places * tried_normals).sum(axis=1)
+    counts = (np.abs(heights) < thick).sum(axis=0)
     for k in np.argsort(-counts)[:10]:
-        normal, place = ways[k], at[k]
-        for _ in range(5):
-            own = cells[np.abs((cells - place) @ normal) < thick]
-            if len(own) < 4:
-                break
-            place = own.mean(axis=0)
-            normal = least_spread(own[None])[0]
+        normal, place = _refined(cells, tried_normals[k], tried_places[k], thick)
         off = (cells - place) @ normal
         if (off > 2 * thick).sum() < (off < -2 * thick).sum():
             normal, off = -normal, -off
-        rest = np.abs(off) > 2 * thick
         behind = camera is not None and (camera - place) @ normal < 0
-        if behind or not rest.any() or (off[rest] > 0).mean() < ONE_SIDE_SHARE:
-            continue
-        first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-        first /= np.linalg.norm(first)
-        flat = (cells - place) @ np.stack([first, np.cross(normal, first)]).T
-        front = off > 3 * thick
-        bare = np.asarray(cKDTree(flat[front]).query(flat)[0] > step) if front.any() else rest < 0
-        bare &= np.abs(normals @ normal) > PLANE_COSINE
-        own = bare & (np.abs(off) < thick)
-        if own.sum() < max(PLANE_SHARE * len(cells), (np.abs(off) < thick).sum() / 4):
-            continue
-        axes = np.linalg.eigh(np.cov(flat[own].T))[1]
-        sides = np.ptp(np.percentile(flat[own] @ axes, (5, 95), axis=0), axis=0)
-        if sides.min() < PLANE_WIDTH * size or deviation(off[own]) > PLANE_FLATNESS * thick:
-            continue
-        if (bare & (np.abs(off) < 3 * thick)).sum() > PLANE_SHARPNESS * own.sum():
+        if behind or not _is_bare(cells, normals, normal, place, size):
             continue
         exact = points[np.abs((points - place) @ normal) < thick]
         band = np.clip(4 * deviation((exact - place) @ normal), thick / 4, 2 * thick)
         return normal, place, float(band)
     return None
+
+
+def _refined(cells: Array, normal: Array, place: Array, thick: float) -> tuple[Array, Array]:
+    """The normal and the middle of the plane through all cells that are near to a first one."""
+    for _ in range(5):
+        near = cells[np.abs((cells - place) @ normal) < thick]
+        if len(near) < 4:
+            break
+        place = near.mean(axis=0)
+        normal = least_spread(near[None])[0]
+    return normal, place
+
+
+def _is_bare(cells: Array, normals: Array, normal: Array, place: Array, size: float) -> bool:
+    """Whether a plane has nearly all else in front of it, and a broad and flat part that nothing in
+    front covers, with sharp sides.
+    """
+    thick, off = PLANE_THICKNESS * size, (cells - place) @ normal
+    within, rest, front = np.abs(off) < thick, np.abs(off) > 2 * thick, off > 3 * thick
+    if not front.any() or (off[rest] > 0).mean() < ONE_SIDE_SHARE:
+        return False
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    flat = (cells - place) @ np.stack([first, np.cross(normal, first)]).T
+    covered = np.asarray(cKDTree(flat[front]).query(flat)[0]) <= size / OUTLINE_CELLS
+    bare = ~covered & (np.abs(normals @ normal) > PLANE_COSINE)
+    own = bare & within
+    if own.sum() < max(PLANE_SHARE * len(cells), within.sum() / 4):
+        return False
+    axes = np.linalg.eigh(np.cov(flat[own].T))[1]
+    sides = np.ptp(np.percentile(flat[own] @ axes, (5, 95), axis=0), axis=0)
+    if sides.min() < PLANE_WIDTH * size or deviation(off[own]) > PLANE_FLATNESS * thick:
+        return False
+    around = bare & (np.abs(off) < 3 * thick)
+    return bool(around.sum() <= PLANE_SHARPNESS * own.sum())
 
 
 def deviation(numbers: Array) -> float:

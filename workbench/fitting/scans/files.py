@@ -16,7 +16,7 @@ from workbench.fitting.scans.scan import BadScan, Scan, ScanContents, areas_of_f
 from workbench.fitting.scans.surface import (
     areas_of_neighbours,
     edges_of_one_face,
-    filled,
+    filled_normals,
     normals_of_neighbours,
     outline,
     principal_axes,
@@ -42,13 +42,13 @@ FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousa
 DECLARED_BY_FORMAT = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
-def _points(headers: Mapping[str, Header], name: str | None) -> str:
+def _name_of_points(headers: Mapping[str, Header], name: str | None) -> str:
     """The name of the points, which have their form and no name that speaks against it."""
-    taken = {*NORMALS, *FACES, *NOT_POINTS}
+    other_names = {*NORMALS, *FACES, *NOT_POINTS}
     candidates = [
-        one
-        for one, header in headers.items()
-        if _is_of_points(header) and one not in taken and not one.endswith("_normals")
+        key
+        for key, header in headers.items()
+        if _is_of_points(header) and key not in other_names and not key.endswith("_normals")
     ]
     if name is not None:
         if name not in headers:
@@ -57,7 +57,7 @@ def _points(headers: Mapping[str, Header], name: str | None) -> str:
             header = headers[name]
             raise BadFile(f"{name} is {header.dtype} of shape {header.shape}, not points (N, 3)")
         return name
-    known = [one for one in POINTS if one in candidates]
+    known = [key for key in POINTS if key in candidates]
     if len(known) == 1 or len(candidates) == 1:
         return (known or candidates)[0]
     if not candidates:
@@ -134,8 +134,8 @@ def _of_columns(numbers: NDArray[Any], columns: int) -> ScanContents:
     if are_normals:
         notes = ("columns 4 to 6 have length one and are taken for normals",)
     if columns > read:
-        one = columns == read + 1
-        which = f"column {columns} is" if one else f"columns {read + 1} to {columns} are"
+        single = columns == read + 1
+        which = f"column {columns} is" if single else f"columns {read + 1} to {columns} are"
         notes += (f"{which} not read",)
     return ScanContents(points, further if are_normals else None, notes=notes)
 
@@ -156,25 +156,26 @@ def _npz(path: Path, name: str | None) -> ScanContents:
     do = "give an .npz file with an array (N, 3) called points, as numpy.savez writes it"
     with opened(path, "scan", do) as archive:
         headers = archive.headers
-        name = _points(headers, name)
+        name = _name_of_points(headers, name)
         count = headers[name].shape[0]
 
-        def of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> Array | None:
-            known = next((one for one in names if one in headers and fits(headers[one])), None)
-            if known is None:
-                return None
-            read.add(known)
-            return archive.array(known)
+        def first_of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> Array | None:
+            """The first array that has one of the names and a header that fits."""
+            for key in names:
+                if key in headers and fits(headers[key]):
+                    read.add(key)
+                    return archive.array(key)
+            return None
 
         read = {name}
-        normals = of(
-            (f"{name}_normals", *NORMALS), lambda one: _is_of_points(one) and one.shape[0] == count
+        normals = first_of(
+            (f"{name}_normals", *NORMALS), lambda h: _is_of_points(h) and h.shape[0] == count
         )
-        faces = of(
-            (f"{name}_faces", *FACES), lambda one: _is_of_points(one) and one.dtype.kind != "f"
+        faces = first_of(
+            (f"{name}_faces", *FACES), lambda h: _is_of_points(h) and h.dtype.kind != "f"
         )
-        camera = of(
-            CAMERA, lambda one: one.dtype.kind in "iuf" and one.shape in ((3,), (1, 3), (3, 1))
+        camera = first_of(
+            CAMERA, lambda h: h.dtype.kind in "iuf" and h.shape in ((3,), (1, 3), (3, 1))
         )
         unread = sorted(headers.keys() - read) + list(archive.others)
         return ScanContents(
@@ -210,11 +211,11 @@ def with_normals(contents: ScanContents, camera: Array | None) -> ScanContents:
     if contents.faces is not None:
         contents = _with_faces_outwards(contents, contents.faces, camera)
     points, faces, notes = contents.points, contents.faces, contents.notes
-    normals = None if contents.normals is None else filled(points, contents.normals)
+    normals = None if contents.normals is None else filled_normals(points, contents.normals)
     if normals is not None and normals.any():
         source = "normals are those of the file"
     elif faces is not None:
-        normals = filled(points, vertex_normals(points, faces))
+        normals = filled_normals(points, vertex_normals(points, faces))
         source = "normals are of the faces"
     elif camera is not None:
         normals, source = normals_of_neighbours(points), "normals are estimated from neighbours"
@@ -307,7 +308,7 @@ def read_scan(
             raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
         contents = replace(contents, camera_position=place)
     try:
-        return _read(contents, path.suffix.lower(), unit, up, most, sizes)
+        return _read_contents(contents, path.suffix.lower(), unit, up, most, sizes)
     except (BadScan, BadFile) as error:
         raise BadScan(f"cannot use the scan {path}: {cut(error, 500)}") from error
     except MemoryError as error:
@@ -316,7 +317,7 @@ def read_scan(
         ) from error
 
 
-def _read(
+def _read_contents(
     contents: ScanContents, suffix: str, unit: str | None, up: str | None, most: int, sizes: Sizes
 ) -> ReadScan:
     contents = without_planes(cleaned(contents, most))

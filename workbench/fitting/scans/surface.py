@@ -117,7 +117,7 @@ def areas_of_neighbours(points: Array) -> Array:
     return np.asarray(np.minimum(areas, SPARSE_RATIO**2 * usual))
 
 
-def filled(points: Array, normals: Array) -> Array:
+def filled_normals(points: Array, normals: Array) -> Array:
     """Unit normals (M, 3); where they are zero or not finite, that of the nearest point."""
     whole = units(normals)
     known = whole.any(axis=1)

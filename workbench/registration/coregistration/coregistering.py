@@ -7,8 +7,8 @@ The joint cost of J scans of S people is, for registrations V_j and a model M,
 
 (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV 2012; Pons-Moll, Virtual Humans 5.1).
 With V held, this is the objective of training, and with the model held every scan is a
-registration of its own. `scan_block` says why the model's blocks take scans as soft observations,
-and `template_prior` why templates are held by edges.
+registration of its own. The package says why the model's blocks take scans as soft observations,
+and `training.priors` why templates are held by edges.
 """
 
 import hashlib
@@ -94,10 +94,11 @@ class State:
 
     def of(self, arrays: Mapping[str, Array], log: tuple[LogEntry, ...]) -> "State":
         """The state of these arrays, named and shaped as `arrays`, and this log."""
-        own = {name: arrays[name] for name in STORED}
-        rest: dict[str, Any] = {n: a for n, a in arrays.items() if n not in {*STORED, "regressor"}}
+        of_scans = {name: arrays[name] for name in STORED}
+        names = arrays.keys() - {*STORED, "regressor"}
+        of_model: dict[str, Any] = {name: arrays[name] for name in names}
         regressor = csr_array(arrays["regressor"])
-        return State(replace(self.estimate, **rest, regressor=regressor), **own, log=log)
+        return State(replace(self.estimate, **of_model, regressor=regressor), **of_scans, log=log)
 
 
 def save_state(state: "AnyState", folder: Path, fingerprint: str) -> None:
@@ -259,8 +260,8 @@ class Coregistration:
     def first(self, fits: Sequence[Fitted]) -> State:
         """The state that begins: every subject has the median of the betas of its scans."""
         body, subject = self.body, self.scans.subject
-        each = median_betas(fits, subject)
-        templates = np.stack([body.template + body.shapedirs @ one for one in each])
+        medians = median_betas(fits, subject)
+        templates = np.stack([body.template + body.shapedirs @ betas for betas in medians])
         estimate = Estimate(
             templates,
             np.stack([body.J_regressor @ T for T in templates]),
@@ -308,11 +309,11 @@ class Coregistration:
         KeyboardInterrupt after Ctrl-C, when the checkpoint of the last block is on disk.
         """
         first = self.first(fits)
-        known, keep = "", Keeping()
+        digest, keep = "", Keeping()
         state = None
         if folder is not None:
-            known = fingerprint(self.scans, first, self.plan)
-            state = read_state(folder, known, first)
+            digest = fingerprint(self.scans, first, self.plan)
+            state = read_state(folder, digest, first)
         with limited_threads():
             if state is None:
                 state = self._with(first, self._on_scans(first, execution))
@@ -322,7 +323,7 @@ class Coregistration:
                 self.costs,
                 self._step,
                 execution,
-                lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
+                lambda state: keep(partial(save_state, state, folder, digest)) if folder else None,
             )
 
     def _step(
@@ -355,8 +356,8 @@ class Coregistration:
         batch = objective.registrations.read(slice(0, len(self.scans.subject)))
         posed = _posed(objective, estimate)
         _, trans = centred(batch, batch.vertices - posed)
-        there = posed + trans[:, None]
-        vertices = there + trusted(batch, batch.vertices - there)  # what E_S and E_C want together
+        model = posed + trans[:, None]
+        vertices = model + trusted(batch, batch.vertices - model)  # what E_S and E_C want together
         return replace(state, estimate=estimate, trans=trans, vertices=vertices)
 
     def _on_scans(self, state: State, execution: Execution, solve: bool = False) -> list[OnScan]:

@@ -33,12 +33,13 @@ TOLERANCE, MOST_ITERATIONS = 1e-2, 60  # of the gradient, and iterations
 
 @dataclass(frozen=True, eq=False)
 class PersonDeformations:
-    """D of one subject; `here` is the body at the pose of each of the subject's scans, `neighbours`
-    sigma_D, and `fitted` D (F, 3, 3) from which the differences of neighbours are counted.
+    """D of one subject; `surfaces` are the body at the pose of each of the subject's scans,
+    `neighbours` is sigma_D, and `fitted` (F, 3, 3) is the D from which the differences of
+    neighbours are counted.
     """
 
     body: TriangleBody
-    here: Sequence[TriangleSurface]
+    surfaces: Sequence[TriangleSurface]
     neighbours: float
     fitted: Array
 
@@ -50,35 +51,38 @@ class PersonDeformations:
     @property
     def prior_gradient(self) -> Array:
         """The gradient of E_D."""
-        return np.asarray(self.prior @ (self.here[0].D - self.fitted).ravel())
+        return np.asarray(self.prior @ (self.surfaces[0].D - self.fitted).ravel())
 
     def forth(self, j: int, x: Array) -> Array:
         """The change B dD (Q e) of every edge, for a change dD (9 F,) of the deformations."""
-        at = self.here[j]
-        moved = np.einsum("fab,fbc,fic->fia", at.B, x.reshape(-1, 3, 3), at.bent, optimize=True)
+        surface = self.surfaces[j]
+        B, dD, bent = surface.B, x.reshape(-1, 3, 3), surface.bent
+        moved = np.einsum("fab,fbc,fic->fia", B, dD, bent, optimize=True)
         return np.asarray(moved.reshape(-1, 3))
 
     def back(self, j: int, cotangent: Array) -> Array:
         """The sum over edges of B' cotangent (Q e)'."""
-        at, on = self.here[j], cotangent.reshape(-1, 2, 3)
-        return np.asarray(np.einsum("fab,fia,fic->fbc", at.B, on, at.bent, optimize=True).ravel())
+        surface, cotangents = self.surfaces[j], cotangent.reshape(-1, 2, 3)
+        B, bent = surface.B, surface.bent
+        on_D = np.einsum("fab,fia,fic->fbc", B, cotangents, bent, optimize=True)
+        return np.asarray(on_D.ravel())
 
     def grams(self, j: int) -> Array:
         """The Kronecker product of B'B and the sum over edges of (Q e)(Q e)'."""
-        at = self.here[j]
-        left = at.B.transpose(0, 2, 1) @ at.B
-        right = at.bent.transpose(0, 2, 1) @ at.bent
+        surface = self.surfaces[j]
+        left = surface.B.transpose(0, 2, 1) @ surface.B
+        right = surface.bent.transpose(0, 2, 1) @ surface.bent
         return np.asarray(np.einsum("fab,fcd->facbd", left, right).reshape(-1, 9, 9))
 
 
 @dataclass(frozen=True, eq=False)
 class PoseDeformations:
-    """Q of all subjects, by `posedirs`; `here` is the body at the pose and subject of each scan,
-    `bends` sigma_Q per rad, and `first` the posedirs from which the change is counted.
+    """Q of all subjects, by `posedirs`; `surfaces` are the body at the pose and subject of each
+    scan, `bends` is sigma_Q per rad, and `first` are the posedirs from which the change is counted.
     """
 
     body: TriangleBody
-    here: Sequence[TriangleSurface]
+    surfaces: Sequence[TriangleSurface]
     bends: float
     first: Array
 
@@ -94,24 +98,25 @@ class PoseDeformations:
 
     def forth(self, j: int, x: Array) -> Array:
         """The change B D dP e of every edge, dP being the change of posedirs times the twists."""
-        at, e = self.here[j], self.body.arithmetic.packed.edges
-        turned = np.einsum("facj,fj->fac", x.reshape(self.body.posedirs.shape), at.twists)
-        moved = (at.B @ at.D @ turned) @ e.transpose(0, 2, 1)  # (F, 3, 2)
+        surface, e = self.surfaces[j], self.body.arithmetic.packed.edges
+        turned = np.einsum("facj,fj->fac", x.reshape(self.body.posedirs.shape), surface.twists)
+        moved = (surface.B @ surface.D @ turned) @ e.transpose(0, 2, 1)  # (F, 3, 2)
         return np.asarray(moved.transpose(0, 2, 1).reshape(-1, 3))
 
     def back(self, j: int, cotangent: Array) -> Array:
         """The sum over edges of (B D)' cotangent e' twists'."""
-        at, on, e = self.here[j], cotangent.reshape(-1, 2, 3), self.body.arithmetic.packed.edges
-        by_turn = (at.B @ at.D).transpose(0, 2, 1) @ (on.transpose(0, 2, 1) @ e)
-        return np.asarray(np.einsum("fac,fj->facj", by_turn, at.twists).ravel())
+        surface, e = self.surfaces[j], self.body.arithmetic.packed.edges
+        cotangents = cotangent.reshape(-1, 2, 3)
+        by_turn = (surface.B @ surface.D).transpose(0, 2, 1) @ (cotangents.transpose(0, 2, 1) @ e)
+        return np.asarray(np.einsum("fac,fj->facj", by_turn, surface.twists).ravel())
 
     def grams(self, j: int) -> Array:
         """The Kronecker product of (B D)'B D, the sum of e e', and twists twists'."""
-        at, e = self.here[j], self.body.arithmetic.packed.edges
-        BD = at.B @ at.D
+        surface, e = self.surfaces[j], self.body.arithmetic.packed.edges
+        BD = surface.B @ surface.D
         left, middle = BD.transpose(0, 2, 1) @ BD, e.transpose(0, 2, 1) @ e
-        products = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, at.twists, at.twists)
-        return np.asarray(products.reshape(len(e), 9 * at.twists.shape[1], -1))
+        products = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, surface.twists, surface.twists)
+        return np.asarray(products.reshape(len(e), 9 * surface.twists.shape[1], -1))
 
 
 Unknown = PersonDeformations | PoseDeformations

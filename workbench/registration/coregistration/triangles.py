@@ -118,12 +118,12 @@ class TriangleState:
     def templates(self) -> Array:
         """(S, N, 3) m, every subject at rest."""
         rest = np.zeros((self.body.n_joints, 3))
-        return np.stack([self.body.vertices(rest, one) for one in np.eye(self.body.n_betas)])
+        return np.stack([self.body.vertices(rest, betas) for betas in np.eye(self.body.n_betas)])
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name, as they are stored."""
-        own = {name: getattr(self, name) for name in ("poses", "vertices", "scan_costs")}
-        return {"shapedirs": self.body.shapedirs, "posedirs": self.body.posedirs, **own}
+        of_scans = {name: getattr(self, name) for name in ("poses", "vertices", "scan_costs")}
+        return {"shapedirs": self.body.shapedirs, "posedirs": self.body.posedirs, **of_scans}
 
     def of(self, arrays: Mapping[str, Array], log: tuple[LogEntry, ...]) -> "TriangleState":
         """The state of these arrays, named and shaped as `arrays`, and this log."""
@@ -155,8 +155,8 @@ class TriangleCoregistration:
         `vertices` (J, N, 3) m are registrations of each scan by itself.
         """
         subject, F = self.scans.subject, self.body.n_faces
-        each = median_betas(fits, subject)
-        columns = self.body.shapedirs.reshape(9 * F, -1) @ np.stack(each, axis=1)
+        betas_of_subjects = median_betas(fits, subject)
+        columns = self.body.shapedirs.reshape(9 * F, -1) @ np.stack(betas_of_subjects, axis=1)
         body = replace(self.body, shapedirs=columns.reshape(F, 3, 3, -1))
         poses = np.stack([fit.pose for fit in fits])
         return TriangleState(body, poses, vertices, np.zeros(len(fits)))
@@ -199,10 +199,10 @@ class TriangleCoregistration:
         if a block raises the joint cost, and BadFile for a checkpoint of something else.
         """
         first = self.first(fits, vertices)
-        known, keep, state = "", Keeping(), None
+        digest, keep, state = "", Keeping(), None
         if folder is not None:
-            known = fingerprint(self.scans, first, self.plan)
-            state = read_state(folder, known, first)
+            digest = fingerprint(self.scans, first, self.plan)
+            state = read_state(folder, digest, first)
 
         def costs(state: TriangleState) -> dict[str, float]:
             return self.costs(state, first.body)
@@ -222,7 +222,7 @@ class TriangleCoregistration:
             costs,
             step,
             execution,
-            lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
+            lambda state: keep(partial(save_state, state, folder, digest)) if folder else None,
         )
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:

@@ -287,7 +287,7 @@ def as_numbers(array: ArrayLike) -> Any:
 
 MOST_DIRECTIONS = 40
 UNSEEN_REACH = 0.5  # units along a direction that nothing holds
-LONGEST_REACH = 1.0  # units: two sigmas may be far out of the linear world
+LONGEST_REACH = 1.0  # units: two sigmas may lie far outside of the linear range
 EXACT_POINTS = 21  # at which the true change of the data is computed, from one end to the other
 LEAST_MOTION = 1e-3  # m: a direction that moves no point of the body by this much is not shown
 DRAWS = 40
@@ -312,36 +312,35 @@ def moving_directions(
 
     `surface` takes the body's numbers to its vertices (N, 3) m.
     """
-    unseen = ((direction, "not seen by the data") for direction in diagnosis.null_directions)
-    weak = ((direction, "hardly seen by the data") for direction in diagnosis.weak_directions)
-    return list(_moving_directions(diagnosis, row, surface, (*unseen, *weak)))
-
-
-def _moving_directions(
-    d: Diagnosis, row: BodyNumbers, surface: Surface, directions: Iterable[tuple[Direction, str]]
-) -> Iterable[dict[str, Any]]:
+    d = diagnosis
+    moving: list[dict[str, Any]] = []
     x, fixed = d.problem.split(d.values)
     residual, known = d.problem.residual(x, fixed), row(d.values)
-    here, yielded = surface(known), 0
-    for direction, kind in directions:
+    here = surface(known)
+    for k, direction in enumerate((*d.null_directions, *d.weak_directions)):
+        if len(moving) == MOST_DIRECTIONS:
+            break
         step = row(d.free.unpack(x + direction.vector, d.values)) - known
         reach = reach_along(direction, d.tolerance)
         away = np.linalg.norm(surface(known + reach * step) - here, axis=1).max()
-        if yielded == MOST_DIRECTIONS or away < LEAST_MOTION:
+        if away < LEAST_MOTION:
             continue
-        yielded += 1
         exact = [
             float(np.linalg.norm(d.problem.residual(x + s * direction.vector, fixed) - residual))
             for s in reach * np.linspace(-1, 1, EXACT_POINTS)
         ]
-        yield {
-            "name": direction.name,
-            "kind": kind,
-            "change": float(f"{direction.change:.3g}"),
-            "reach": reach,
-            "step": packed(step, "f8"),
-            "exact": [float(f"{number:.4g}") for number in exact],
-        }
+        unseen = k < len(d.null_directions)
+        moving.append(
+            {
+                "name": direction.name,
+                "kind": "not seen by the data" if unseen else "hardly seen by the data",
+                "change": float(f"{direction.change:.3g}"),
+                "reach": reach,
+                "step": packed(step, "f8"),
+                "exact": [float(f"{number:.4g}") for number in exact],
+            }
+        )
+    return moving
 
 
 def gaussian_draws(

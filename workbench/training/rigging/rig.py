@@ -202,7 +202,7 @@ def rig(
             estimate = full.refined(estimate, "skinning", LAST_ROUNDS, steps)
         estimate = turned(put_back(estimate, shape), turns)
         full = replace(full, meshes=meshes)
-        return _result(full, estimate, merged, noise_unknown, steps, dict(card or {}))
+        return _rigged(full, estimate, merged, noise_unknown, steps, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
@@ -293,7 +293,7 @@ def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, vertices: I
     return replace(estimate, templates=rest[None], posedirs=none, weights=weights)
 
 
-def _result(
+def _rigged(
     refinement: Refinement,
     estimate: Estimate,
     merged: int,
