@@ -42,10 +42,10 @@ class SymbolicTriangles:
         """The terms of meshes whose subjects have deformations D (S, F, 3, 3) to begin with."""
         learning = body.freed("posedirs")
         subjects = (
-            replace(learning, shapedirs=(one - np.eye(3))[..., None]).freed(
+            replace(learning, shapedirs=(deformations - np.eye(3))[..., None]).freed(
                 "shapedirs", prefix=f"subject {s}/"
             )
-            for s, one in enumerate(D)
+            for s, deformations in enumerate(D)
         )
         return SymbolicTriangles(learning, tuple(subjects), posed)
 
