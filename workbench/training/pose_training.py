@@ -99,14 +99,14 @@ def train_poses(
     fixed = [start.template, start.faces, start.segmentation]
     if mirror is not None:
         fixed += [mirror.vertices, mirror.joints]
-    identity = fingerprint(registrations, first, astuple(plan), *fixed)
+    digest = fingerprint(registrations, first, astuple(plan), *fixed) if folder else ""
     steps = plan.steps
-    state = read_checkpoint(folder, identity, first, [b for _, b in steps]) if folder else None
+    state = read_checkpoint(folder, digest, first, [b for _, b in steps]) if folder else None
     with limited_threads():
         if state is None:
             if initial is None:
                 first = first_poses(first, registrations, start, execution=execution)
-            state = TrainingCheckpoint(first, (), identity)
+            state = TrainingCheckpoint(first, (), digest)
             if folder:
                 keep(partial(state.save, folder))
         sigmas = steps[0][0].sigmas
