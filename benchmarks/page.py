@@ -93,12 +93,8 @@ def _of_fits(found: Mapping[str, Any]) -> Iterator[Target]:
             continue
         yield Target(f"{way}: LM / its own parts", ratio(took, fast.LM, fast.ALONE), limit)
         if way == COMPILED:
-            for method, called in (
-                (fast.LM, "LM"),
-                (fast.TWO_STEPS, "LM, two steps with each Jacobian"),
-            ):
-                most = max(n["jacobian"] for n in one["evaluations"][f"{way}: {method}"])
-                yield Target(f"{way}: linearizations of {called}", float(most), 4)
+            most = max(n["jacobian"] for n in one["evaluations"][f"{way}: {fast.LM}"])
+            yield Target(f"{way}: linearizations of LM", float(most), 4)
         for scipy in (fast.SCIPY_LM, fast.SCIPY_TRF):
             yield Target(f"{way}: {scipy} / LM", ratio(took, scipy, fast.LM), 4, False)
         yield Target(f"{way}: IPOPT / LM", ratio(took, fast.IPOPT, fast.LM), 3)

@@ -25,7 +25,6 @@ SIZES = (700, 1700, 6890, 20_000, 100_000)  # vertices, of scaling
 TINY = 40  # vertices of a quick run
 GOAL = 1e-6  # m, the largest distance of a vertex
 LM, GN, IPOPT = "Levenberg-Marquardt", "Gauss-Newton", "IPOPT"
-TWO_STEPS = "Levenberg-Marquardt, two steps"
 TO_THE_END, ALONE = "Levenberg-Marquardt to its own end", "its linearizations and solves alone"
 SCIPY_LM, SCIPY_TRF = "scipy lm, our Jacobian", "scipy trf, our Jacobian"
 MEMORY = {
@@ -219,7 +218,6 @@ def _methods(cases: list[Case]) -> Iterator[tuple[str, Callable[[Case], Any]]]:
     yield LM, lambda case: by(case, wb.LevenbergMarquardt())
     ways = {id(case): by(case, wb.LevenbergMarquardt()) for case in cases}
     yield ALONE, lambda case: its_linearizations_and_solves(case, ways[id(case)])
-    yield TWO_STEPS, lambda case: by(case, wb.LevenbergMarquardt(steps_per_jacobian=2))
     yield TO_THE_END, lambda case: by(case, wb.LevenbergMarquardt(), goal=0.0)
     yield GN, lambda case: by(case, wb.GaussNewton())
     yield IPOPT, lambda case: by(case, wb.Ipopt())

@@ -17,14 +17,14 @@ import numpy as np
 from builder.geometry import umeyama
 from builder.stored import write_arrays
 from workbench.blocks import Block, Values
-from workbench.experiments.balance import FITTED, published
+from workbench.experiments.balance import FRAME, published
 from workbench.geometry.camera import Camera, triangulate
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, huber
 from workbench.solvers import LevenbergMarquardt, Solution
 
-FRAMES = tuple(f for f in range(0, 100, 5) if abs(f - FITTED) >= 10)
+FRAMES = tuple(f for f in range(0, 100, 5) if abs(f - FRAME) >= 10)
 SIGMA = 5.0  # px
 ROTATION_SIGMA = 0.02  # rad: how far the published calibration may be off
 TRANSLATION_SIGMA = 0.05  # m

@@ -44,9 +44,9 @@ def commands() -> list[tuple[str, Any]]:
     found: list[tuple[str, Any]] = []
     group: Any = typer.main.get_command(app)
     for name, later in group.commands.items():
-        inner = getattr(later.whole, "commands", None)
+        inner = getattr(later.command, "commands", None)
         if inner is None:
-            found.append((name, later.whole))
+            found.append((name, later.command))
         else:
             found += [(f"{name} {word}", command) for word, command in inner.items()]
     return found

@@ -73,11 +73,7 @@ def draw(found: Registration, path: Path) -> None:
     from workbench.plots import png
     from workbench.plots.scans import registered_scan_sheet
 
-    one = found
-    sheet = registered_scan_sheet(
-        one.vertices, one.faces, one.scan.points, one.distances, one.touching, one.facing
-    )
-    path.write_bytes(png(sheet))
+    path.write_bytes(png(registered_scan_sheet(found)))
 
 
 hand = wb.load_body("hand")

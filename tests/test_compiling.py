@@ -86,7 +86,7 @@ def test_compiler_that_hangs_is_asked_once(tmp_path: Path, monkeypatch: pytest.M
     script.write_text(f"#!/bin/sh\necho asked >> {tmp_path}/asked\nexec sleep 600\n")
     script.chmod(0o755)
     monkeypatch.setenv("CC", str(script))
-    monkeypatch.setattr("workbench.compiling.ANSWER", 0.3)
+    monkeypatch.setattr("workbench.compiling.VERSION_SECONDS", 0.3)
     for _ in range(3):
         with pytest.raises(NoLibrary, match="does not run"):
             find_compiler()

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import workbench as wb
@@ -18,7 +17,7 @@ from workbench import environment
 from workbench.cli.app import app
 from workbench.comparison import workers
 from workbench.environment import SAMPLING, MissingLibrary
-from workbench.plots.posterior import plot_corner
+from workbench.plots.posterior import corner_sheet
 from workbench.processes import NoProcesses
 from workbench.training.registrations import over_halves
 
@@ -50,7 +49,7 @@ def test_what_needs_a_missing_library_says_which_and_laplace_needs_none() -> Non
     with pytest.raises(MissingLibrary, match=r"needs arviz.*pip install 'arviz>=0\.20,<2'"):
         found.inference_data()
     with pytest.raises(MissingLibrary, match=r"needs corner.*pip install 'corner>=2\.2\.2'"):
-        plot_corner(found, (0, 1), Figure())
+        corner_sheet(found, (0, 1))
 
 
 @pytest.mark.usefixtures("without_libraries")

@@ -58,7 +58,7 @@ def test_temporary_files_of_living_writers_stay(
         elsewhere = tmp_path / ".me.obj.workbench-elsewhere-1-x.obj"
         elsewhere.write_text("of another machine, whose processes are not known here")
         assert leftovers(path) == []
-        monkeypatch.setattr(writing, "AN_HOUR", -1.0)
+        monkeypatch.setattr(writing, "STALE_AFTER", -1.0)
         assert set(leftovers(path)) == {first, elsewhere}
     assert path.read_text() == "first"
 
@@ -74,7 +74,7 @@ def test_large_arrays_are_stored_uncompressed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Zeros shrink a thousand times, and what grows as much when it is read is refused."""
-    monkeypatch.setattr(writing, "LARGE", 1000)
+    monkeypatch.setattr(writing, "UNCOMPRESSED_FROM", 1000)
     named = {"file": np.zeros(10), "much": np.zeros(200)}
     writing.write_arrays(tmp_path / "a.npz", named)
     with zipfile.ZipFile(tmp_path / "a.npz") as archive:

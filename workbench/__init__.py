@@ -184,8 +184,8 @@ def _modules() -> dict[str, str]:
     module = ast.parse(Path(__file__).read_text(encoding="utf-8"))
     imports = next(node.body for node in module.body if isinstance(node, ast.If))
     statements = (node for node in imports if isinstance(node, ast.ImportFrom))
-    found = {name.name: str(of.module) for of in statements for name in of.names}
-    return {name: path for name, path in found.items() if path != __name__}
+    public = {name.name: str(of.module) for of in statements for name in of.names}
+    return {name: path for name, path in public.items() if path != __name__}
 
 
 def __getattr__(name: str) -> Any:

@@ -32,10 +32,10 @@ from workbench.writing import write_file
 LOG = logging.getLogger(__name__)
 NATIVE = ("-march=native", "-mcpu=native")  # what compilers call the processor they run on
 FLAGS = ("-O2", "-ffp-contract=fast", "-fPIC", "-shared", "-fvisibility=hidden", "-w")
-LONGEST = 60.0  # seconds that a compiler may take for a library
-ANSWER = 5.0  # seconds in which it says its version
-LINE = 64  # bytes of a cache line
-OTHERS = stat.S_IWGRP | stat.S_IWOTH  # may write
+COMPILE_SECONDS = 60.0  # seconds that a compiler may take for a library
+VERSION_SECONDS = 5.0  # seconds in which it says its version
+CACHE_LINE = 64  # bytes of a cache line
+WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH  # may write
 
 
 class NoLibrary(WorkbenchError):
@@ -63,23 +63,24 @@ def find_compiler() -> Compiler:
         raise NoLibrary("switched off by WORKBENCH_COMPILE=0")
     if os.name != "posix":
         raise NoLibrary("only gcc and clang on Linux and macOS are known")
-    named = shlex.split(os.environ.get("CC", ""))
-    candidates = (named, ["gcc"], ["clang"], ["cc"])
-    found = [(path, *c[1:]) for c in candidates if c and (path := shutil.which(c[0]))]
-    if not found:
+    from_variable = shlex.split(os.environ.get("CC", ""))
+    candidates = (from_variable, ["gcc"], ["clang"], ["cc"])
+    installed = [(path, *c[1:]) for c in candidates if c and (path := shutil.which(c[0]))]
+    if not installed:
         raise NoLibrary("no C compiler on the PATH (gcc, clang, cc), and none named by CC")
-    answer = _asked(tuple(found[0]))
+    answer = _compiler_or_reason(tuple(installed[0]))
     if isinstance(answer, str):
         raise NoLibrary(answer)
     return answer
 
 
 @cache  # a compiler that hangs costs its time once
-def _asked(command: tuple[str, ...]) -> Compiler | str:
+def _compiler_or_reason(command: tuple[str, ...]) -> Compiler | str:
     """The compiler that this command is, or why it is none."""
     for native in NATIVE:  # its macros name its version and every instruction set
         try:
-            macros = _output([*command, native, "-dM", "-E", "-x", "c", os.devnull], ANSWER)
+            dump = [*command, native, "-dM", "-E", "-x", "c", os.devnull]
+            macros = _output(dump, VERSION_SECONDS)
             return Compiler(command, native, macros)
         except NoLibrary as error:
             why = error
@@ -106,7 +107,7 @@ def vectors() -> str:
 
 
 def library(
-    name: str, source: str, trusted: Callable[[ctypes.CDLL], bool], more: Sequence[str] = ()
+    name: str, source: str, trusted: Callable[[ctypes.CDLL], bool], more_flags: Sequence[str] = ()
 ) -> ctypes.CDLL:
     """The compiled source, from the cache or anew; `trusted` says whether its numbers are right.
 
@@ -116,7 +117,7 @@ def library(
     digest of the file itself, so that one which is damaged is never loaded. Raises NoLibrary.
     """
     compiler = find_compiler()
-    flags = (*FLAGS, compiler.native, *more)
+    flags = (*FLAGS, compiler.native, *more_flags)
     key = _digest("\0".join((source, *compiler.command, compiler.target, *flags)).encode())
     folder = cache_folder().resolve()
     for kept in sorted(folder.glob(f"{name}-{key}-*.so")):
@@ -131,14 +132,15 @@ def library(
     LOG.info("compiling the %s with %s (once, a few seconds)", name, compiler.command[0])
     try:
         with tempfile.TemporaryDirectory(prefix="workbench-") as private:
-            text, made = Path(private, f"{name}.c"), Path(private, f"{name}.so")
+            text, built = Path(private, f"{name}.c"), Path(private, f"{name}.so")
             text.write_text(source, encoding="utf-8")
-            _output([*compiler.command, *flags, text.name, "-o", made.name], LONGEST, private)
-            loaded = _loaded(made, trusted)
+            command = [*compiler.command, *flags, text.name, "-o", built.name]
+            _output(command, COMPILE_SECONDS, private)
+            loaded = _loaded(built, trusted)
             try:
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
                 _check_own(folder)
-                compiled = made.read_bytes()
+                compiled = built.read_bytes()
                 path = folder / f"{name}-{key}-{_digest(compiled)}.so"
                 write_file(path, compiled)
                 path.chmod(0o600)
@@ -194,10 +196,10 @@ def source_beside(package: str, name: str) -> str:
 
 def _check_own(path: Path) -> None:
     """Raise NoLibrary if somebody else could have written this file or folder."""
-    found = path.lstat()
-    if found.st_uid != os.geteuid():
+    status = path.lstat()
+    if status.st_uid != os.geteuid():
         raise NoLibrary("it belongs to another user; set WORKBENCH_CACHE to a folder of your own")
-    if found.st_mode & OTHERS:
+    if status.st_mode & WRITABLE_BY_OTHERS:
         raise NoLibrary(f"others can write to it; run chmod go-w {shlex.quote(str(path))}")
 
 
@@ -215,15 +217,15 @@ def _loaded(path: Path, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
 def _output(command: list[str], seconds: float, folder: str | None = None) -> str:
     """The output of a command. Raises NoLibrary if it fails or takes longer."""
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=seconds, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NoLibrary(f"{command[0]} does not run: {error}") from error
-    if done.returncode:
-        reason = (done.stderr.strip() or "it says nothing").splitlines()[0]
-        raise NoLibrary(f"{command[0]} fails with exit code {done.returncode}: {reason}")
-    return done.stdout
+    if process.returncode:
+        reason = (process.stderr.strip() or "it says nothing").splitlines()[0]
+        raise NoLibrary(f"{command[0]} fails with exit code {process.returncode}: {reason}")
+    return process.stdout
 
 
 def _digest(content: bytes) -> str:
@@ -233,6 +235,6 @@ def _digest(content: bytes) -> str:
 def aligned_zeros(shape: tuple[int, ...], dtype: type[np.floating[Any]]) -> NDArray[Any]:
     """Zeros that begin where a cache line does: vectors that touch two lines take longer."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    whole = np.zeros(size + LINE, dtype=np.uint8)
-    first = -whole.ctypes.data % LINE
+    whole = np.zeros(size + CACHE_LINE, dtype=np.uint8)
+    first = -whole.ctypes.data % CACHE_LINE
     return whole[first : first + size].view(dtype).reshape(shape)

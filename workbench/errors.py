@@ -33,8 +33,8 @@ def shown(value: object, most: int = MOST_SHOWN, levels: int = 2) -> str:
         return f"{value}"
     if isinstance(value, list | tuple):
         return _items(value, most, levels)
-    held = f" of {len(value):,} entries" if isinstance(value, dict) else ""
-    return f"a {type(value).__name__}{held}"
+    size = f" of {len(value):,} entries" if isinstance(value, dict) else ""
+    return f"a {type(value).__name__}{size}"
 
 
 def _items(several: list[object] | tuple[object, ...], most: int, levels: int) -> str:
@@ -76,11 +76,11 @@ def line_of(error: BaseException, file: str) -> int | None:
 
 def some(names: Iterable[str]) -> str:
     """The first of several names, each cut short, and how many more there are."""
-    found = list(names)
+    every = list(names)
     parts: list[str] = []
-    for name in found:
+    for name in every:
         if sum(len(part) + 2 for part in parts) > LONGEST_MESSAGE:
-            parts.append(f"and {len(found) - len(parts):,} more")
+            parts.append(f"and {len(every) - len(parts):,} more")
             break
         parts.append(cut(name, MOST_SHOWN))
     return ", ".join(parts) or "none"
@@ -107,8 +107,8 @@ class UnknownName(WorkbenchError):
         self, kind: str, name: str, known: Iterable[str] = (), *, hint: str = "", more: str = ""
     ) -> None:
         names = tuple(known)
-        there = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
-        sentence = f"no {kind} is called {name!r}; there are {there}"
+        choices = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
+        sentence = f"no {kind} is called {name!r}; there are {choices}"
         super().__init__(f"{sentence} ({more})" if more else sentence)
 
 
@@ -132,10 +132,10 @@ class UnreadBlock(UnknownName):
 class MissingValue(WorkbenchError):
     """A block that the problem reads was given no numbers."""
 
-    def __init__(self, name: str, shape: tuple[int, ...], given: Iterable[str]) -> None:
+    def __init__(self, name: str, shape: tuple[int, ...], available: Iterable[str]) -> None:
         super().__init__(
             f"block {name!r} {shape} was given no value; add it to the start values, "
-            f"which hold {listed(given)}"
+            f"which hold {listed(available)}"
         )
 
 
@@ -159,8 +159,8 @@ class NonFiniteValue(WorkbenchError):
 class NotNumbers(WorkbenchError):
     """Text, None, rows of different lengths or complex numbers where real numbers belong."""
 
-    def __init__(self, what: str, found: str, wanted: str = "real numbers") -> None:
-        super().__init__(f"{what} must be an array of {wanted}, not {found}")
+    def __init__(self, what: str, got: str, expected: str = "real numbers") -> None:
+        super().__init__(f"{what} must be an array of {expected}, not {got}")
 
 
 class TwoSymbolsOneName(WorkbenchError):

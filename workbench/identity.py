@@ -15,16 +15,16 @@ import numpy as np
 
 import workbench
 
-DEEP = 8  # levels that are looked into
-NOT_COUNTED = (  # what no stored result depends on: packages, and modules of `comparison`
+MOST_LEVELS = 8  # levels that are looked into
+NOT_IN_RESULTS = (  # what no stored result depends on: packages, and modules of `comparison`
     *("cli", "course", "lectures", "plots", "reports"),
     *(f"comparison/{name}.py" for name in ("advice", "comparison", "statistics", "store")),
     *("comparison/tables.py", "comparison/targets.py"),
 )
-COMPUTE = ("casadi", "numpy", "scipy", "nlopt")
+COMPUTING_LIBRARIES = ("casadi", "numpy", "scipy", "nlopt")
 
 
-def identity(thing: Any, depth: int = DEEP) -> Any:
+def identity(thing: Any, depth: int = MOST_LEVELS) -> Any:
     """Plain data that differ when the thing does: functions by their names and their source,
     arrays by a digest, objects by type and contents; never an address in memory.
     """
@@ -35,12 +35,12 @@ def identity(thing: Any, depth: int = DEEP) -> Any:
     if isinstance(thing, np.generic):
         return thing.item()
     if isinstance(thing, np.ndarray):
-        told = hashlib.sha256(np.ascontiguousarray(thing).tobytes()).hexdigest()[:16]
-        return f"array {thing.shape} {thing.dtype} {told}"
+        contents = hashlib.sha256(np.ascontiguousarray(thing).tobytes()).hexdigest()[:16]
+        return f"array {thing.shape} {thing.dtype} {contents}"
     if isinstance(thing, type) or inspect.isroutine(thing):
-        return _named(thing)
+        return _name_of(thing)
     if depth == 0:
-        return _named(type(thing))
+        return _name_of(type(thing))
     if isinstance(thing, Mapping):
         return {str(k): identity(v, depth - 1) for k, v in thing.items()}
     if isinstance(thing, Set):
@@ -50,14 +50,15 @@ def identity(thing: Any, depth: int = DEEP) -> Any:
     if isinstance(thing, Path):
         return str(thing)
     if is_dataclass(thing):
-        held = {f.name: getattr(thing, f.name) for f in fields(thing) if not f.name.startswith("_")}
+        names = [f.name for f in fields(thing) if not f.name.startswith("_")]
+        members = {name: getattr(thing, name) for name in names}
     else:
-        held = dict(getattr(thing, "__dict__", {}))
-    inside = {name: identity(value, depth - 1) for name, value in held.items()}
-    return {"type": _named(type(thing)), **inside}
+        members = dict(getattr(thing, "__dict__", {}))
+    inside = {name: identity(value, depth - 1) for name, value in members.items()}
+    return {"type": _name_of(type(thing)), **inside}
 
 
-def _named(thing: Any) -> str:
+def _name_of(thing: Any) -> str:
     """`module.name`, and a digest of the source of what is not the workbench's own."""
     module = str(getattr(thing, "__module__", "") or "")
     name = f"{module}.{getattr(thing, '__qualname__', type(thing).__name__)}"
@@ -71,8 +72,8 @@ def _named(thing: Any) -> str:
 
 def is_own_code(module: str) -> bool:
     """Whether `code_version` answers for a module: one of the workbench, and of no lecture."""
-    rooms = module.split(".")
-    return rooms[0] == "workbench" and rooms[1:2] != ["lectures"]
+    packages = module.split(".")
+    return packages[0] == "workbench" and packages[1:2] != ["lectures"]
 
 
 def digest(thing: Any) -> str:
@@ -93,14 +94,14 @@ def file_digest(path: str) -> str:
 def code_version() -> str:
     """A digest of the workbench's code, as far as results depend on it, and of the libraries."""
     root = Path(workbench.__file__).parent
-    found = hashlib.sha256()
+    code = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         name = path.relative_to(root).as_posix()
-        if name not in NOT_COUNTED and name.partition("/")[0] not in NOT_COUNTED:
-            found.update(name.encode() + path.read_bytes())
-    for package in COMPUTE:
+        if name not in NOT_IN_RESULTS and name.partition("/")[0] not in NOT_IN_RESULTS:
+            code.update(name.encode() + path.read_bytes())
+    for package in COMPUTING_LIBRARIES:
         try:
-            found.update(f"{package} {version(package)}".encode())
+            code.update(f"{package} {version(package)}".encode())
         except PackageNotFoundError:
             continue
-    return found.hexdigest()[:16]
+    return code.hexdigest()[:16]

@@ -13,7 +13,7 @@ from typing import Any
 Handler = Callable[[int, FrameType | None], Any]
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-INSISTENT = 3  # from so many signals on, each is raised at once, wherever the program is
+RAISED_AT_ONCE_FROM = 3  # from so many signals on, each is raised at once, wherever the program is
 
 
 class _Received:
@@ -99,7 +99,7 @@ class Interrupts:
         except BaseException as error:
             received.error = error.with_traceback(None)
             received.times += 1
-            if received.safe or received.times >= INSISTENT:
+            if received.safe or received.times >= RAISED_AT_ONCE_FROM:
                 received.safe = False  # once: what follows cleans up
                 raise
 
@@ -137,7 +137,7 @@ def caused_by(error: BaseException, kind: type[BaseException]) -> bool:
 
     C code that is interrupted during a callback raises a SystemError caused by the interrupt.
     """
-    known: BaseException | None = error
-    while known is not None and not isinstance(known, kind):
-        known = known.__cause__
-    return known is not None
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, kind):
+        cause = cause.__cause__
+    return cause is not None

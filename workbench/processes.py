@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 FORKING = hasattr(os, "fork")
-PARENT = "WORKBENCH_PARENT"  # in the environment of a process: who started it
-EVERY = 0.5  # s between two looks at the parent
+PARENT_VARIABLE = "WORKBENCH_PARENT"  # in the environment of a process: who started it
+WATCH_INTERVAL = 0.5  # s between two looks at the parent
 PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when its parent has died
-LENGTH = struct.Struct("!Q")
-PIECE = 2**16  # bytes that are read at a time
+LENGTH_FORMAT = struct.Struct("!Q")
+PIECE_BYTES = 2**16  # bytes that are read at a time
 
 
 class NoProcesses(WorkbenchError):
@@ -62,7 +62,7 @@ class Channel:
     def send(self, message: bytes, seconds: float | None = None) -> None:
         """Send a message. Raises OSError, and TimeoutError if nobody reads it in time."""
         self._connection.settimeout(seconds)
-        self._connection.sendall(LENGTH.pack(len(message)) + message)
+        self._connection.sendall(LENGTH_FORMAT.pack(len(message)) + message)
 
     def receive(self, seconds: float | None = None, longest: int | None = None) -> bytes | None:
         """Wait for the next message; None if the process at the other end has gone.
@@ -71,10 +71,10 @@ class Channel:
         than `longest` bytes.
         """
         until = None if seconds is None else time.monotonic() + seconds
-        header = self._read(LENGTH.size, until)
+        header = self._read(LENGTH_FORMAT.size, until)
         if header is None:
             return None
-        (length,) = LENGTH.unpack(header)
+        (length,) = LENGTH_FORMAT.unpack(header)
         if longest is not None and length > longest:
             raise TooLong(f"a message of {length:,} bytes; at most {longest:,} are accepted")
         return self._read(length, until)
@@ -90,7 +90,7 @@ class Channel:
                 None if until is None else max(until - time.monotonic(), 1e-3)
             )
             try:
-                more = self._connection.recv(min(count - len(got), PIECE))
+                more = self._connection.recv(min(count - len(got), PIECE_BYTES))
             except ConnectionError:  # the other process died before it had read everything
                 return None
             if not more:
@@ -136,7 +136,7 @@ class Started:
                 env={
                     **(os.environ if inherited is None else inherited),
                     **environment,
-                    PARENT: str(os.getpid()),
+                    PARENT_VARIABLE: str(os.getpid()),
                 },
                 start_new_session=True,
                 close_fds=posix,
@@ -166,8 +166,8 @@ def kill_group(pid: int) -> None:
 
 def signal_name(code: int) -> str:
     """Name the signal that ended a process with a negative exit code: `SIGKILL`, `signal 37`."""
-    known = {one.value: one.name for one in signal.Signals}
-    return known.get(-code, f"signal {-code}")
+    names = {number.value: number.name for number in signal.Signals}
+    return names.get(-code, f"signal {-code}")
 
 
 def absolute_paths() -> list[str]:
@@ -182,7 +182,7 @@ def end_with_parent() -> None:
     the thread that started the process for its parent, so that thread has to live longer than the
     process.
     """
-    parent = os.environ.pop(PARENT, "")
+    parent = os.environ.pop(PARENT_VARIABLE, "")
     if not parent.isdecimal():
         return
     if sys.platform == "linux":
@@ -198,7 +198,7 @@ def end_with(parent: int) -> None:
 
 def _watch(parent: int) -> None:
     while os.getppid() == parent:  # an orphan is given to another process, but not on Windows
-        time.sleep(EVERY)
+        time.sleep(WATCH_INTERVAL)
     os._exit(1)
 
 
@@ -215,8 +215,8 @@ def forked(work: Callable[[int], Result], jobs: int, workers: int) -> Generator[
         return
     from multiprocessing import connection, get_context  # which cannot be imported in a browser
 
-    context, left = get_context("fork"), list(range(jobs))[::-1]
-    at, processes = dict[connection.Connection, int](), []
+    context, waiting = get_context("fork"), list(range(jobs))[::-1]
+    job_of, processes = dict[connection.Connection, int](), []
     try:
         for _ in range(min(workers, jobs)):
             ours, theirs = context.Pipe()
@@ -226,22 +226,22 @@ def forked(work: Callable[[int], Result], jobs: int, workers: int) -> Generator[
             process.start()
             theirs.close()
             processes.append(process)
-            at[ours] = left.pop()
-            ours.send(at[ours])
-        while at:
-            for ready in connection.wait(list(at)):
+            job_of[ours] = waiting.pop()
+            ours.send(job_of[ours])
+        while job_of:
+            for ready in connection.wait(list(job_of)):
                 assert isinstance(ready, connection.Connection)
-                k = at.pop(ready)
+                k = job_of.pop(ready)
                 try:
-                    failed, found = ready.recv()
+                    failed, answer = ready.recv()
                 except (EOFError, ConnectionError) as error:
                     raise ProcessDied(f"the process that did job {k} has died") from error
                 if failed:
-                    raise found
-                if left:
-                    at[ready] = left.pop()
-                    ready.send(at[ready])
-                yield k, found
+                    raise answer
+                if waiting:
+                    job_of[ready] = waiting.pop()
+                    ready.send(job_of[ready])
+                yield k, answer
     finally:
         for process in processes:
             process.kill()

@@ -26,11 +26,11 @@ def thread_count() -> int:
 @contextmanager
 def limited_threads() -> Iterator[None]:
     """Limit BLAS to `thread_count()` threads inside of the context."""
-    wanted = thread_count()
-    if all(library.num_threads == wanted for library in _controller().lib_controllers):
+    count = thread_count()
+    if all(library.num_threads == count for library in _controller().lib_controllers):
         yield  # nothing to change, as inside another such context
         return
-    with _controller().limit(limits=wanted):
+    with _controller().limit(limits=count):
         yield
 
 

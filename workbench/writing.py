@@ -25,9 +25,9 @@ from workbench.environment import expanded
 from workbench.errors import BadFile
 
 LOG = logging.getLogger(__name__)
-AN_HOUR = 3600.0  # s: nothing of ours takes that long to write
-LARGE = 2**27  # bytes
-LONGEST = 100  # bytes of a name that its temporaries repeat; file systems take 255
+STALE_AFTER = 3600.0  # s: nothing of ours takes that long to write
+UNCOMPRESSED_FROM = 2**27  # bytes
+LONGEST_NAME = 100  # bytes of a name that its temporaries repeat; file systems take 255
 
 
 @contextmanager
@@ -96,7 +96,7 @@ def write_arrays(path: str | Path, named: Mapping[str, NDArray[Any]]) -> None:
     ):
         for name, array in named.items():
             info = zipfile.ZipInfo(f"{name}.npy")
-            large = array.nbytes > LARGE
+            large = array.nbytes > UNCOMPRESSED_FROM
             info.compress_type = zipfile.ZIP_STORED if large else zipfile.ZIP_DEFLATED
             with archive.open(info, "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
@@ -131,7 +131,7 @@ def temporary_prefix(path: Path) -> str:
 
     For example: `.run.workbench-host-4711-`.
     """
-    return f"{_begin(path)}{_host()}-{os.getpid()}-"
+    return f"{_hidden_stem(path)}{_host()}-{os.getpid()}-"
 
 
 def leftovers(path: Path) -> list[Path]:
@@ -139,22 +139,23 @@ def leftovers(path: Path) -> list[Path]:
 
     A process that is killed cannot remove them; the next one that writes to the same place does.
     """
-    return [found for found in path.parent.glob(escape(_begin(path)) + "*") if _dead(found)]
+    temporaries = path.parent.glob(escape(_hidden_stem(path)) + "*")
+    return [file for file in temporaries if _abandoned(file)]
 
 
-def _begin(path: Path) -> str:
+def _hidden_stem(path: Path) -> str:
     name = os.fsencode(path.name)
-    readable = path.name if len(name) <= LONGEST else hashlib.sha256(name).hexdigest()
+    readable = path.name if len(name) <= LONGEST_NAME else hashlib.sha256(name).hexdigest()
     return f".{readable}.workbench-"
 
 
-def _dead(temporary: Path) -> bool:
+def _abandoned(temporary: Path) -> bool:
     writer = re.search(r"\.workbench-([^-]*)-(\d+)-", temporary.name)
     try:
-        found = temporary.lstat()
+        status = temporary.lstat()
     except OSError:
         return False
-    old = time.time() - max(found.st_mtime, found.st_ctime) > AN_HOUR
+    old = time.time() - max(status.st_mtime, status.st_ctime) > STALE_AFTER
     return writer is not None and (old or (writer[1] == _host() and not _alive(int(writer[2]))))
 
 

@@ -12,7 +12,7 @@ from builder.population import FRONT, RestPose, X, direction, frame, smallest_ro
 from builder.wheel import Wheel
 from lectures.material.teacher import joint_positions, offsets
 from workbench.arrays import Array, Index
-from workbench.bodies.files.joint_names import FINGERS, joint_names
+from workbench.bodies.files.joint_names import FINGER_JOINTS, joint_names
 from workbench.training.shares import at_most
 
 JOINT_NAMES = joint_names(16)
@@ -158,7 +158,7 @@ def _cube(end: dict[str, Any], mesh: BaseMesh) -> Array:
     return row
 
 
-assert JOINT_NAMES[1:] == FINGERS
+assert JOINT_NAMES[1:] == FINGER_JOINTS
 
 
 def flat_rotations(joints: Array, ends: Array) -> Array:

@@ -38,7 +38,7 @@ from builder.sets import RigRecipe, SetRecipe, Subjects, regress, write_sets
 from builder.wheel import Wheel
 from lectures.material.teacher import dual_quaternion_skinned, joint_positions, offsets
 from workbench.arrays import Array, Mask
-from workbench.bodies.files.joint_names import FINGERS
+from workbench.bodies.files.joint_names import FINGER_JOINTS
 from workbench.bodies.forward.posing import Posing
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
@@ -199,7 +199,7 @@ def pose_space(poses: Array) -> tuple[Array, Array, Array]:
     return mean, rows * signs[:, None], sizes / np.sqrt(len(poses) - 1)
 
 
-assert len(FINGERS) == 15
+assert len(FINGER_JOINTS) == 15
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,14 @@ from builder.site.pages import (
     write_licence_page,
 )
 from builder.site.reference import Reference
-from workbench.course.site import Tell, build, copy_licences, put, refuse, write_course_pages
+from workbench.course.site import (
+    Tell,
+    build,
+    copy_licences,
+    refuse,
+    replace_site,
+    write_course_pages,
+)
 
 
 def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
@@ -53,5 +60,5 @@ def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
                     }
                 )
             )
-        put(build("workbench", pages, files, scratch), folder)
+        replace_site(build("workbench", pages, files, scratch), folder)
     return folder / "index.html"

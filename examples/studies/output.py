@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from workbench.errors import WorkbenchError
-from workbench.plots.style import drawn, png
+from workbench.plots.style import figure_of, png
 from workbench.reports.folder import Content, write_folder
 from workbench.reports.page import Table
 
@@ -66,7 +66,7 @@ def write_study(
     text = "\n\n".join("\n".join(table.lines()) for table in tables)
 
     def picture(width: float, height: float, draw: Callable[..., object]) -> Content:
-        return lambda path: path.write_bytes(png(drawn(draw, width, height)))
+        return lambda path: path.write_bytes(png(figure_of(draw, width, height)))
 
     pictures = {f"{name}.png": picture(*drawing) for name, drawing in figures.items()}
     write_folder(folder, "", {"tables.txt": text + "\n", **pictures, **(others or {})}, data)

@@ -38,7 +38,6 @@ from workbench.fitting.markers import OFFSET_SIGMA, marker_frame, observations
 from workbench.fitting.observations import LIMBS, SIDES
 from workbench.fitting.videos import (
     EVIDENCE,
-    autocorrelation,
     landmarks_of,
     worth_of,
     worth_of_errors,
@@ -615,7 +614,24 @@ print(f"standard deviation of the stature, if every frame counts: {sd_full:.0f} 
 # We have four cameras, so we can look at the errors of the detector in the third camera: what it found,
 # minus where the reference is in the image.
 
+
 # %%
+def autocorrelation(errors: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The correlation r_k about zero of errors k frames apart, (T,), of all series (T, ...) pooled.
+
+    The products of all pairs of known frames are summed, and divided by the number of pairs. Lags
+    with fewer pairs than one for each series are NaN.
+    """
+    x = np.where(known, errors, 0.0).reshape(len(errors), -1)
+    observed = np.asarray(known, dtype=float).reshape(x.shape)
+    correlation = np.full(len(x), np.nan)
+    for k in range(len(x)):
+        pairs = np.sum(observed[k:] * observed[: len(x) - k])
+        if pairs >= max(1, x.shape[1] // 2):
+            correlation[k] = np.sum(x[k:] * x[: len(x) - k]) / pairs
+    return correlation / correlation[0] if correlation[0] > 0 else correlation
+
+
 view = four.moving.views[CAMERAS.index("cam03")]
 errors = view.observed - view.camera.pixels(places, four.start)  # (45, 23, 2) px
 known = np.repeat((view.confidence > 0)[..., None], 2, axis=2)

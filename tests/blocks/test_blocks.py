@@ -7,8 +7,10 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from workbench import load_body
 from workbench.blocks import Block, Layout
 from workbench.errors import (
+    BadArgument,
     BadBlock,
     NonFiniteValue,
     NotNumbers,
@@ -161,3 +163,10 @@ def test_values_that_are_no_numbers_are_refused() -> None:
             NotNumbers, match=f"block 'pose' must be an array of real .*, not {found}"
         ):
             LAYOUT.pack(some_values() | {"pose": value})  # type: ignore[dict-item]
+
+
+def test_no_chosen_points_are_refused_in_a_sentence() -> None:
+    body = load_body("small")
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    with pytest.raises(BadArgument, match="no points are chosen; choose at least one"):
+        body.points(pose, betas, trans, vertices=[])

@@ -177,6 +177,13 @@ def test_fault_is_found_and_nothing_else_blamed(fault: str) -> None:
     assert all(len(finding.text) < 600 for finding in found.findings)
 
 
+def test_findings_name_no_sizes_that_are_unknown() -> None:
+    check = checked("SMPL_MALE", lambda raw: {"v_template": None, "weights": raw["weights"][:, 1:]})
+    (text,) = (finding.text for finding in check.findings if finding.part == "weights")
+    assert "joints of kintree_table" in text
+    assert "None" not in text
+
+
 def test_odd_numbers_of_expressions_are_judged() -> None:
     for B, warned in ((400, False), (20, False), (300, True)):
         found = check_contents(smplx(B=B), "SMPLX_NEUTRAL.npz")

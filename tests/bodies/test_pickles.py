@@ -18,13 +18,13 @@ from tests.tiers import few
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.files.pickles import (
     EFFECTS,
-    KNOWN,
+    KNOWN_NAMES,
     LITERALS,
     OPCODES,
     PickledCall,
     Unread,
+    interpret,
     read_pickled_arrays,
-    run,
 )
 from workbench.errors import BadFile, UnsafePickle
 
@@ -295,9 +295,9 @@ def test_array_of_another_class_is_refused(tmp_path: Path) -> None:
 
 
 def test_known_names_make_records_alone() -> None:
-    for module, name in KNOWN:
+    for module, name in KNOWN_NAMES:
         if name != "_reconstructor":
-            made = run(b"c" + module.encode() + b"\n" + name.encode() + b"\n(S'x'\ntR.")
+            made = interpret(b"c" + module.encode() + b"\n" + name.encode() + b"\n(S'x'\ntR.")
             assert isinstance(made, PickledCall)
 
 

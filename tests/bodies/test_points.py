@@ -38,9 +38,8 @@ def seen(points: wb.Points) -> np.ndarray:
         ([3, 1, 1], [3, 1, 1]),
         (np.array([29, 0], dtype=np.uint8), [29, 0]),
         (np.arange(30) % 10 == 4, [4, 14, 24]),
-        ([], []),
     ],
-    ids=["list", "unsigned", "mask", "none"],
+    ids=["list", "unsigned", "mask"],
 )
 def test_vertices_are_chosen_by_number_or_mask(chosen: Any, expected: list[int]) -> None:
     points = BODY.points(*SYMBOLS, vertices=chosen)

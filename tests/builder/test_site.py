@@ -18,7 +18,7 @@ from tests.site.links import pages_of, troubles
 from tests.site.test_course_site import not_run
 from workbench.course import notebooks
 from workbench.course.outline import lecture
-from workbench.course.site import NEEDED
+from workbench.course.site import SITE_TOOLS
 
 ROOT = Path(wb.__file__).parents[1]
 SHOWN = sorted(p for p in (ROOT / "examples" / "reference").glob("*.py") if p.stem != "__init__")
@@ -28,13 +28,13 @@ PRINTED = "printed when the site was built"
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A site whose lectures and examples were not run."""
-    for name in NEEDED:
+    for name in SITE_TOOLS:
         if importlib.util.find_spec(name) is None:
             pytest.skip(f"{name} is not installed")
     figure = tmp_path_factory.mktemp("figures") / "balance.png"
     figure.write_bytes((ROOT / "examples" / "balance.png").read_bytes())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(notebooks, "carried_out", not_run)
+        patch.setattr(notebooks, "run_cells", not_run)
         patch.setattr(site_pages, "run_example", lambda script: stand_in(script, figure))
         out = tmp_path_factory.mktemp("site") / "out"
         assert write_site(out) == out / "index.html"

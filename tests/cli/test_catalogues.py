@@ -48,7 +48,7 @@ def test_helps_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     group: Any = typer.main.get_command(app)
     for name, command in group.commands.items():
-        inner = getattr(command.whole, "commands", {})
+        inner = getattr(command.command, "commands", {})
         for words in [[name], *([name, word] for word in inner)]:
             told = CliRunner().invoke(app, [*words, "--help"]).output.splitlines()
             most = {"fit": 70, "motion": 48, "convert": 48}.get(name, 40)  # they read many formats

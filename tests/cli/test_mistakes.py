@@ -27,7 +27,7 @@ from workbench.geometry.meshes import write_mesh
         ("run known-correspondences --set seed=-1", "cannot be built with seed=-1: ValueError"),
         ("run exits.py", "exits.py line 3: it ends the program (sys.exit(3))"),
         ("run broken.py", "broken.py line 1: SyntaxError"),
-        ("run nan.py", "has no finite cost, or no slope, where it starts"),
+        ("run nan.py", "has no finite cost, or no derivatives, where it starts"),
         ("fit missing.json", "cannot be read as JSON"),
         ("fit walk.bvh", "`workbench convert` skeletons and motions"),
         ("fit dlc.csv", "keypoints are read from .json as detectors write it"),
@@ -96,15 +96,15 @@ def test_file_without_one_solver_is_refused(workbench: Run) -> None:
 
 
 @pytest.fixture
-def fitted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Setup, bool]]:
+def fitted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Setup, bool]]:
     """What `fit` would solve, and whether with other solvers too; nothing is solved here."""
     asked: list[tuple[Setup, bool]] = []
 
     def carried_out(
         _: object, experiment: Experiment, __: object, compare: bool, *rest: object
-    ) -> tuple[Values, Path]:
+    ) -> Values:
         asked.append((experiment.setup(), compare))
-        return {}, tmp_path
+        return {}
 
     monkeypatch.setattr("workbench.cli.fit.carry_out", carried_out)
     return asked

@@ -16,7 +16,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
 from workbench.registration import FitStage, Recipe, usual_recipe
-from workbench.registration.coregistration.folder import BODY, SCAN
+from workbench.registration.coregistration.folder import BODY_FILE, SCAN_FILE
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.folder import TABLE, open_folder
 from workbench.writing import write_arrays
@@ -68,7 +68,7 @@ def test_register_skips_what_is_registered(workbench: Run, scans: Path) -> None:
     given = ("register", str(scans), "--body", "small", "--model-only")
     code, out, _ = workbench(*given)
     assert code == 1  # one was bad
-    assert "note: not taken for scans: notes.txt" in out
+    assert "note: skipped, because they are no scans: notes.txt" in out
     assert "not registered: empty:" in out
     table = Path("runs/register-scans/registrations.csv")
     assert [line.split(",")[:2] for line in table.read_text().splitlines()] == [
@@ -173,13 +173,13 @@ def write_registered(place: Path, who: tuple[str, ...] = WHO, alike: bool = Fals
         folder = place / f"scan{j}"
         folder.mkdir(parents=True)
         points = vertices[some].astype(np.float32)
-        write_arrays(folder / SCAN, {"points": points, "normals": unit.astype(np.float32)})
+        write_arrays(folder / SCAN_FILE, {"points": points, "normals": unit.astype(np.float32)})
         off = pose + 0.01 * rng.standard_normal(pose.shape)
         fit = {"pose": off, "betas": betas, "trans": np.zeros(3), "vertices": vertices}
         write_arrays(folder / "registration.npz", fit)
         lines.append(f"scan{j}/registration.npz,{name},neutral,poses")
     (place / TABLE).write_text("\n".join(lines) + "\n")
-    save_body(body, place / BODY)
+    save_body(body, place / BODY_FILE)
 
 
 @pytest.mark.thorough
@@ -217,7 +217,7 @@ def test_coregister_refuses_what_it_cannot_use(workbench: Run, tmp_path: Path) -
     write_registered(twice, alike=True, who=("ann", "ann"))
     write_registered(alone, who=("ann", "ann"))
     write_registered(broken, who=("ann", "bob"))
-    (broken / "scan1" / SCAN).write_bytes(b"PK")
+    (broken / "scan1" / SCAN_FILE).write_bytes(b"PK")
     for folder, why in (
         (empty, "register them first with `workbench register SCANS/ --subjects TABLE.csv`"),
         (tmp_path / "nowhere", "register them first"),
@@ -232,8 +232,8 @@ def test_coregister_refuses_what_it_cannot_use(workbench: Run, tmp_path: Path) -
         code, _, err = workbench("coregister", str(alone), *option)
         assert code == 2
         assert option[0] in err
-    (broken / "scan1" / SCAN).unlink()
-    write_arrays(broken / "scan1" / SCAN, {"points": np.zeros((0, 3))})
+    (broken / "scan1" / SCAN_FILE).unlink()
+    write_arrays(broken / "scan1" / SCAN_FILE, {"points": np.zeros((0, 3))})
     code, _, err = workbench("coregister", str(broken))
     assert code == 2
     assert "empty" in err

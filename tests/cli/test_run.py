@@ -14,7 +14,7 @@ import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.own_files import LINE
 from workbench.cli.console import rich_table
-from workbench.cli.run import _seen
+from workbench.cli.run import _rank_line
 from workbench.reports.page import Table
 from workbench.solvers import SOLVERS
 
@@ -47,7 +47,7 @@ def test_directions_are_printed_without_their_entries() -> None:
     bent = body.start() | {"pose": 0.3 * np.random.default_rng(0).standard_normal((24, 3))}
     diagnosis = wb.diagnose(problem, bent | {"place": body.joints(**bent)})
     assert any(d.joints and " rad of " in d.name for d in diagnosis.weak_directions)
-    said = _seen("Jacobian", diagnosis)
+    said = _rank_line("Jacobian", diagnosis)
     assert "among them " in said
     assert " rad of " not in said
 

@@ -37,9 +37,9 @@ def record(
     """A run that found `costs`, one after the other, each after `every` residuals more."""
     others = (0,) * (len(KINDS) - 1)
     rows = [(every * (k + 1), *others, 0.1 * (k + 1), c) for k, c in enumerate(costs)]
-    found = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, ROW)
+    trace = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, ROW)
     counts = every * len(costs), *others
-    seen = ObservedRun(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
+    seen = ObservedRun(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), trace, taken)
     end = costs[-1] if costs and ending is RunEnding.RETURNED else np.nan
     return Record(
         solver,
@@ -89,15 +89,7 @@ def comparison(
         judged.append(EndAnalysis(where, costs, (0.0,) * count, (False,) * count, points))
     described = {
         p: Description(
-            p,
-            1,
-            1,
-            False,
-            start,
-            0.0 if known else np.nan,
-            "known" if known else "",
-            False,
-            "made up",
+            p, 1, 1, False, start, 0.0 if known else np.nan, "known" if known else "", "made up"
         )
         for p in problems
     }
@@ -115,9 +107,9 @@ def _instance(name: str) -> Instance:
     return Instance(problem, made, "start", int(number), int(number))
 
 
-def deterministic(found: Comparison) -> tuple[str, ...]:
+def deterministic(compared: Comparison) -> tuple[str, ...]:
     """The columns of a table that a repetition gives again: all but those with times."""
-    return tuple(c for c in next(rows(found)) if not c.startswith(("seconds", "machine")))
+    return tuple(c for c in next(rows(compared)) if not c.startswith(("seconds", "machine")))
 
 
 @contextmanager

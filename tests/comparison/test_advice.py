@@ -18,8 +18,8 @@ def test_solver_that_failed_a_problem_is_not_advised() -> None:
     runs = {(p, "quick"): QUICK for p in "abcdefg"} | {("h", "quick"): []}
     slow = {(p, "slow"): SLOW for p in "abcdefgh"}
     slower = {(p, "slower"): SLOW[:1] + SLOW for p in "abcdefgh"}
-    found = comparison(runs | slow | slower)
-    said = advice(found)
+    compared = comparison(runs | slow | slower)
+    said = advice(compared)
     assert said[0].startswith("slow and slower each")
     assert "quick 7" in said[0]
     assert any(text.startswith("Of these, take slow:") for text in said)
@@ -32,14 +32,14 @@ def test_solver_that_gave_up_once_is_not_advised() -> None:
     runs |= {("h", "early"): [9.0, 1.0005], ("i", "slow"): SLOW, ("i", "early"): SLOW}
     runs = {key: [9.0, *costs] if "slower" in key else costs for key, costs in runs.items()}
     early = record("h", "early", [9.0, 1.0005], claim="STALLED", optimality=1.0)
-    found = comparison(runs | {("i", "slower"): SLOW}, early=early)
-    assert reliable(found, found.compared) == ("slow", "slower", "early")
+    compared = comparison(runs | {("i", "slower"): SLOW}, early=early)
+    assert reliable(compared, compared.compared) == ("slow", "slower", "early")
     assert any(
         text.startswith("Of these, take slow: it needed less effort than slower on more")
-        for text in advice(found)
+        for text in advice(compared)
     )
     said = "early is not advised: in 1 of 9 runs it gave up at a point that is not stationary."
-    assert said in advice(found)
+    assert said in advice(compared)
     alone = comparison(runs | {("i", "slow"): SLOW, ("i", "early"): [], ("i", "slower"): []})
     assert "i" not in alone.compared
     assert not any("take early" in text or "early has" in text for text in advice(alone))
@@ -55,14 +55,14 @@ def test_none_is_advised_when_no_solver_is_reliable() -> None:
         ("r", "a"): [],
         ("r", "b"): [],
     }
-    found = comparison(runs, known=True)
+    compared = comparison(runs, known=True)
     runs_to_0 = {key: [*costs[:-1], 0.0] if costs else [] for key, costs in runs.items()}
     said = advice(comparison(runs_to_0, known=True))
     assert said == (
         "No solver returned a point within the target τ = 1e-5 from all 3 starts, so none is "
         "advised for all of these problems.",
     )
-    assert reliable(found, ("p",)) == ()  # 0 is known, and it ended at 1
+    assert reliable(compared, ("p",)) == ()  # 0 is known, and it ended at 1
 
 
 @pytest.mark.parametrize("problems", ["pqrstu", "pqrst", "pq"])
@@ -84,42 +84,44 @@ def test_quicker_solver_is_named_when_chance_is_ruled_out(
 def test_starts_of_one_problem_are_no_proof() -> None:
     starts = [f"p, start {k}" for k in range(40)]
     runs = {(p, "quick"): QUICK for p in starts} | {(p, "slow"): SLOW for p in starts}
-    found = comparison(runs)
-    assert (by_effort(found)["quick", "slow"].first, by_effort(found)["quick", "slow"].p) == (
+    compared = comparison(runs)
+    assert (by_effort(compared)["quick", "slow"].first, by_effort(compared)["quick", "slow"].p) == (
         40,
         1.0,
     )
-    assert "may be chance" in advice(found)[1]
+    assert "may be chance" in advice(compared)[1]
 
 
-def lied_to(found: Comparison, rng: np.random.Generator) -> Comparison:
+def lied_to(compared: Comparison, rng: np.random.Generator) -> Comparison:
     """The same comparison as another clock would have measured it."""
 
     def timed(seconds: float) -> float:
         return float(seconds * rng.lognormal(sigma=3))
 
     records = {}
-    for key, run in found.records.items():
+    for key, run in compared.records.items():
         trace = run.observed.trace.copy()
         trace[:, -2] = rng.random(len(trace)).cumsum()
         spent = tuple(timed(1.0) for _ in run.observed.spent)
         seen = replace(run.observed, trace=trace, spent=spent, seconds=timed(run.observed.seconds))
         records[key] = replace(run, observed=seen)
-    return replace(found, records=records)
+    return replace(compared, records=records)
 
 
 def test_clock_does_not_rank() -> None:
     rng = np.random.default_rng(0)
     runs = {(p, s): (QUICK, SLOW)[rng.integers(2)] for p in "pqrstuvw" for s in "abcd"}
-    found = comparison(runs)
+    compared = comparison(runs)
     for _ in range(20):
-        other = lied_to(found, rng)
-        assert advice(other) == advice(found)
-        assert by_effort(other) == by_effort(found)
-        assert other.prices == found.prices
-        for tau in found.taus:
-            np.testing.assert_array_equal(other.needed(tau), found.needed(tau))
-            assert [other.effort(s, tau) for s in "abcd"] == [found.effort(s, tau) for s in "abcd"]
+        other = lied_to(compared, rng)
+        assert advice(other) == advice(compared)
+        assert by_effort(other) == by_effort(compared)
+        assert other.prices == compared.prices
+        for tau in compared.taus:
+            np.testing.assert_array_equal(other.needed(tau), compared.needed(tau))
+            assert [other.effort(s, tau) for s in "abcd"] == [
+                compared.effort(s, tau) for s in "abcd"
+            ]
 
 
 def test_prices_follow_their_printed_formulas() -> None:
@@ -134,11 +136,11 @@ def test_prices_follow_their_printed_formulas() -> None:
 def test_advice_tells_what_was_not_counted() -> None:
     runs = {(p, s): QUICK for p in "pqrstuv" for s in ("seen", "hidden", "other")}
     hidden = {f"r{p}": record(p, "hidden", QUICK, taken=True) for p in "pqrstuv"}
-    found = comparison(runs, **hidden)
-    assert found.success("hidden", 1e-5).value == 1
-    assert np.isnan(found.effort("hidden", 1e-5).value)
-    assert found.all_counted(1e-5) == ("seen", "other")
-    said = advice(found)
+    compared = comparison(runs, **hidden)
+    assert compared.success("hidden", 1e-5).value == 1
+    assert np.isnan(compared.effort("hidden", 1e-5).value)
+    assert compared.all_counted(1e-5) == ("seen", "other")
+    said = advice(compared)
     assert said[0].startswith("seen, hidden and other each returned a point within the target")
     assert said[1].startswith("Of these, seen and other have the least median effort")
     assert said[2].startswith("hidden: not everything was counted in 7 of 7 runs")

@@ -98,30 +98,30 @@ def test_workers_change_nothing(twice: tuple[Comparison, Comparison, Path]) -> N
 
 
 def test_starts_share_reference_costs_and_seeds_do_not(alone: Comparison) -> None:
-    found = alone
-    sizes = {group[0].partition(",")[0]: len(group) for group in found.groups}
+    compared = alone
+    sizes = {group[0].partition(",")[0]: len(group) for group in compared.groups}
     assert sizes == {"slide": 3, "angle": 2, "line": 1}
-    assert len({found.references[i.name].best for i in found.instances_of("line")}) == 3
+    assert len({compared.references[i.name].best for i in compared.instances_of("line")}) == 3
 
 
 def test_lost_start_of_the_slide_is_another_basin(alone: Comparison) -> None:
-    found = alone
+    compared = alone
     for solver in GOOD:
-        outcomes = [found.outcomes[i.name, solver] for i in found.instances_of("slide")]
+        outcomes = [compared.outcomes[i.name, solver] for i in compared.instances_of("slide")]
         assert outcomes == [TargetOutcome.REACHED, TargetOutcome.OTHER_BASIN, TargetOutcome.REACHED]
 
 
 def test_effort_is_the_price_of_evaluations(alone: Comparison) -> None:
-    found = alone
-    row = found.reached_at("line, seed 0", "gauss-newton", 1e-5)
+    compared = alone
+    row = compared.reached_at("line, seed 0", "gauss-newton", 1e-5)
     assert row is not None
     assert (row[0], row[2]) == (1, 1)  # a linear problem: one Jacobian, and the whole step
-    prices = found.prices["line"]
+    prices = compared.prices["line"]
     expected = row[0] + row[1] * prices["gradient"] + row[2] * prices["jacobian"]
     assert (prices["gradient"], prices["jacobian"]) == (4, 3 + 1)  # n = 3
     assert expected == 1 + 4
-    at = [i.name for i in found.instances].index("line, seed 0")
-    assert found.needed(1e-5)[at, 1] == pytest.approx(expected)
+    at = [i.name for i in compared.instances].index("line, seed 0")
+    assert compared.needed(1e-5)[at, 1] == pytest.approx(expected)
 
 
 @pytest.mark.thorough
@@ -149,9 +149,9 @@ def test_stored_runs_are_not_repeated(twice: tuple[Comparison, Comparison, Path]
 def test_a_table_is_tidy(alone: Comparison, tmp_path: Path) -> None:
     write_csv(alone, tmp_path / "results.csv")
     with (tmp_path / "results.csv").open(encoding="utf-8", newline="") as file:
-        found = list(csv.DictReader(file))
-    assert len(found) == 16
-    row = next(r for r in found if r["problem"] == "slide" and r["number"] == "1")
+        table = list(csv.DictReader(file))
+    assert len(table) == 16
+    row = next(r for r in table if r["problem"] == "slide" and r["number"] == "1")
     assert row["verdict"] == "OTHER_BASIN"
     assert row["basin"] == "2"
     assert row["jacobian to 1e-7"] == ""  # never met
@@ -160,10 +160,10 @@ def test_a_table_is_tidy(alone: Comparison, tmp_path: Path) -> None:
 
 
 def test_problem_without_a_finite_start_fails_all() -> None:
-    found = compare(NOWHERE, GOOD, budget=SHORT)
+    compared = compare(NOWHERE, GOOD, budget=SHORT)
     for solver in GOOD:
-        assert found.outcomes["nowhere", solver] is TargetOutcome.NO_SOLUTION
-        assert found.success(solver, 1e-1).value == 0
+        assert compared.outcomes["nowhere", solver] is TargetOutcome.NO_SOLUTION
+        assert compared.success(solver, 1e-1).value == 0
 
 
 def test_mistakes_are_refused_before_solving(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_mistakes_are_refused_before_solving(tmp_path: Path) -> None:
 def test_solvers_that_draw_are_reproducible() -> None:
     with in_this_process():
         twice = [compare(LINE, problems.Drawer(), seeds=2, budget=SHORT) for _ in range(2)]
-    ends = [[record.end.tolist() for record in found.records.values()] for found in twice]
+    ends = [[record.end.tolist() for record in compared.records.values()] for compared in twice]
     assert ends[0] == ends[1]
     assert ends[0][0] != ends[0][1]
 

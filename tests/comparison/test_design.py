@@ -10,7 +10,7 @@ from tests.comparison.problems import LINE, SLIDE
 from workbench.comparison import Budget
 from workbench.comparison.design import chosen, design, named_solvers
 from workbench.errors import BadFile, UnknownName
-from workbench.identity import NOT_COUNTED, digest, identity
+from workbench.identity import NOT_IN_RESULTS, digest, identity
 from workbench.solvers import full_step
 
 SOLVER = """
@@ -42,7 +42,7 @@ def test_files_define_solvers(tmp_path: Path) -> None:
     two = tmp_path / "ours.py"
     two.write_text(SOLVER + "slow, fast, _hidden = Mine(), Mine(3), Mine(4)\n")
     assert [e.name for e in named_solvers(str(two))] == ["ours:slow", "ours:fast"]
-    assert Budget(max_evaluations=9).given(named.solver) == replace(
+    assert Budget(max_evaluations=9).applied_to(named.solver) == replace(
         named.solver,
         max_evaluations=9,  # type: ignore[type-var]
     )
@@ -68,8 +68,8 @@ def test_wrong_files_of_solvers_are_refused(tmp_path: Path) -> None:
 
 def test_seeds_number_starts_or_seeds() -> None:
     who = "gauss-newton"
-    found = design(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
-    assert [(i.name, i.number) for i in found.instances] == [
+    plan = design(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
+    assert [(i.name, i.number) for i in plan.instances] == [
         ("nist-misra1a, start 1", 1),
         ("nist-misra1a, start 2", 2),
         ("slide, start 0", 0),
@@ -84,9 +84,9 @@ def test_seeds_number_starts_or_seeds() -> None:
 
 
 def test_arguments_go_to_experiments_that_have_them() -> None:
-    found = chosen(["registration", "nist-misra1a"], {"body": "small", "start": "2"})
-    assert found[0].arguments == {"body": "small"}
-    assert found[1].arguments == {"problem": "Misra1a", "start": 2}
+    members = chosen(["registration", "nist-misra1a"], {"body": "small", "start": "2"})
+    assert members[0].arguments == {"body": "small"}
+    assert members[1].arguments == {"problem": "Misra1a", "start": 2}
     with pytest.raises(UnknownName, match="'bodi'"):
         chosen(["known-correspondences"], {"bodi": "small"})
 
@@ -94,8 +94,8 @@ def test_arguments_go_to_experiments_that_have_them() -> None:
 def test_code_that_no_result_depends_on_is_there() -> None:
     """An edit of it makes no stored run count as new; under another name it would."""
     root = Path(wb.__file__).parent
-    assert [name for name in NOT_COUNTED if not (root / name).exists()] == []
-    assert {"reports", "comparison/advice.py"} <= set(NOT_COUNTED)
+    assert [name for name in NOT_IN_RESULTS if not (root / name).exists()] == []
+    assert {"reports", "comparison/advice.py"} <= set(NOT_IN_RESULTS)
 
 
 def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:

@@ -165,12 +165,12 @@ class Twin:
 
 def test_twins_of_a_problem_are_noticed() -> None:
     with in_this_process():
-        found = compare(LINE, {"twin": Twin(), "gauss-newton": GaussNewton()})
-    instance = found.instances[0].name
-    assert found.solved(instance, "twin", 1e-5)
-    assert found.uncounted(instance, "twin")
-    assert not found.uncounted(instance, "gauss-newton")
-    assert found.all_counted(1e-5) == ("gauss-newton",)
+        compared = compare(LINE, {"twin": Twin(), "gauss-newton": GaussNewton()})
+    instance = compared.instances[0].name
+    assert compared.solved(instance, "twin", 1e-5)
+    assert compared.uncounted(instance, "twin")
+    assert not compared.uncounted(instance, "gauss-newton")
+    assert compared.all_counted(1e-5) == ("gauss-newton",)
 
 
 @pytest.mark.parametrize("name", ["function", "derivative", "adjoint", "hessian", "residuals"])

@@ -73,14 +73,14 @@ def test_other_comparisons_keep_their_workers() -> None:
         time.sleep(0.5)
         compare(SLIDE, GOOD, budget=SHORT)
         assert not longer.done()
-        found = longer.result()
-    assert found.records["line, seed 0", "spends"].ending is RunEnding.CUT
+        compared = longer.result()
+    assert compared.records["line, seed 0", "spends"].ending is RunEnding.CUT
 
 
 def test_worker_that_does_not_begin_ends_the_comparison(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its death says nothing of the solver."""
     workers.pool().close()
-    monkeypatch.setattr(workers, "MAIN", "raise SystemExit(3)")
+    monkeypatch.setattr(workers, "WORKER_COMMAND", "raise SystemExit(3)")
     with pytest.raises(WorkbenchError, match=r"a worker process ended before .*exit code 3"):
         compare(SLIDE, GOOD, budget=SHORT)
 
@@ -109,11 +109,11 @@ def test_cluster_gives_the_same_table_when_a_worker_dies() -> None:
                 killed.append(next(iter(workers.values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        found = compare((SLIDE, LINE), TWO, seeds=3, budget=budget, progress=kill_one)
+        compared = compare((SLIDE, LINE), TWO, seeds=3, budget=budget, progress=kill_one)
         lost = compare(replace(SLIDE, arguments={"start": 0}), {"f": Forever()}, budget=budget)
     assert killed
-    names = deterministic(found)
-    assert [{k: row.get(k) for k in names} for row in rows(found)] == [
+    names = deterministic(compared)
+    assert [{k: row.get(k) for k in names} for row in rows(compared)] == [
         {k: row.get(k) for k in names} for row in rows(alone)
     ]
     assert list(lost.outcomes.values()) == [TargetOutcome.NOT_STOPPING]  # contained there, too

@@ -22,8 +22,8 @@ EXACT = 1e-9  # of a probability: sums of binomial terms lose some 1e-15
 
 def coverage(interval: object, n: int, p: float) -> float:
     """The exact probability that the interval of a count holds p."""
-    found = [interval(k, n) for k in range(n + 1)]  # type: ignore[operator]
-    inside = np.array([i.low <= p <= i.high for i in found])
+    intervals = [interval(k, n) for k in range(n + 1)]  # type: ignore[operator]
+    inside = np.array([i.low <= p <= i.high for i in intervals])
     return float(binom.pmf(np.arange(n + 1), n, p)[inside].sum())
 
 
@@ -54,7 +54,7 @@ def test_medians_bear_infinities_and_know_what_is_unknown() -> None:
     assert np.isnan(median([]).value)
     assert np.isnan(median([1.0, np.nan, 2.0]).value)
     assert median([4.0]).value == 4
-    assert not median(np.arange(FEWEST - 1)).given
+    assert not median(np.arange(FEWEST - 1)).bounded
 
 
 SIZES: list[int] = [6, 9, 20, 101]
@@ -63,9 +63,9 @@ SIZES: list[int] = [6, 9, 20, 101]
 def test_median_interval_is_the_narrowest_that_covers() -> None:
     """The median lies outside if fewer than k of n fall on one side: exact, by the binomial."""
     for n in SIZES:
-        found = median(np.arange(n) + 1.0)
-        k = int(found.low)
-        assert found.high == n + 1 - k
+        interval = median(np.arange(n) + 1.0)
+        k = int(interval.low)
+        assert interval.high == n + 1 - k
         assert 1 - 2 * binom.cdf(k - 1, n, 0.5) >= 0.95
         assert 1 - 2 * binom.cdf(k, n, 0.5) < 0.95  # one closer in would not
 
@@ -104,25 +104,30 @@ def test_holm_has_its_published_values() -> None:
 
 def test_paired_test_counts_what_only_one_solved() -> None:
     inf, unknown = np.inf, np.nan
-    found = paired_test([1, 5, inf, inf, 100, 2], [2, 1, inf, 7, 100.5, inf], range(6))
-    assert (found.first, found.second, found.ties, found.both_fail) == (2, 2, 1, 1)
-    assert found.problems == (2, 2)
-    assert not found.decided
+    test_result = paired_test([1, 5, inf, inf, 100, 2], [2, 1, inf, 7, 100.5, inf], range(6))
+    assert (test_result.first, test_result.second, test_result.ties, test_result.both_fail) == (
+        2,
+        2,
+        1,
+        1,
+    )
+    assert test_result.problems == (2, 2)
+    assert not test_result.decided
     hidden = paired_test([unknown, unknown, 1], [3, inf, unknown], range(3))
     assert (hidden.first, hidden.second, hidden.ties) == (1, 0, 0)
-    turned = replace(found.turned.turned, corrected=0.0)  # NaN so far, which equals nothing
-    assert turned == replace(found, corrected=0.0)
+    turned = replace(test_result.turned.turned, corrected=0.0)  # NaN so far, which equals nothing
+    assert turned == replace(test_result, corrected=0.0)
 
 
 def test_shares_of_clustered_starts_have_no_interval() -> None:
     """They are clusters: only the share of problems has one."""
     starts = {(f"{p}, start {k}", s): [1.0] for p in "pq" for k in range(3) for s in "ab"}
-    found = comparison(starts)
-    assert not found.success("a", 1e-5).given
-    assert not found.reached("a").given
-    assert found.success("a", 1e-5, "p").given
-    assert found.solved_problems("a", 1e-5) == rate(2, 2)
+    compared = comparison(starts)
+    assert not compared.success("a", 1e-5).bounded
+    assert not compared.reached("a").bounded
+    assert compared.success("a", 1e-5, "p").bounded
+    assert compared.solved_problems("a", 1e-5) == rate(2, 2)
     one = comparison({(f"p, start {k}", s): [1.0] for k in range(6) for s in "ab"})
     assert one.success("a", 1e-5) == rate(6, 6)
-    assert one.effort("a", 1e-5).given
-    assert not found.effort("a", 1e-5).given  # medians of two problems
+    assert one.effort("a", 1e-5).bounded
+    assert not compared.effort("a", 1e-5).bounded  # medians of two problems

@@ -86,37 +86,37 @@ NO_MINIMA: list[tuple[object, bool | None, bool, TargetOutcome | None]] = [
 def test_outcomes_of_ends_that_are_no_minimum() -> None:
     """They are told from minima above the lowest cost; at the lowest cost, the cost decides."""
     for run, lowest, at_saddle, expected in NO_MINIMA:
-        found = target_outcome(run, COSTS, lowest, 1e-6, at_saddle)  # type: ignore[arg-type]
+        outcome = target_outcome(run, COSTS, lowest, 1e-6, at_saddle)  # type: ignore[arg-type]
         if expected is None:
-            assert found in (TargetOutcome.REACHED, TargetOutcome.STALLED)
+            assert outcome in (TargetOutcome.REACHED, TargetOutcome.STALLED)
         else:
-            assert found is expected
+            assert outcome is expected
 
 
 def test_lowest_cost_is_that_of_all() -> None:
-    found = comparison({("p", "a"): [9.0, 3.0], ("p", "b"): [9.0, 4.0]}, basins={("p", "b"): 1})
-    assert found.references["p"].best == 3
-    assert found.outcomes["p", "a"] is TargetOutcome.REACHED
-    assert found.outcomes["p", "b"] is TargetOutcome.OTHER_BASIN
-    assert found.success("b", 1e-3).value == 0
+    compared = comparison({("p", "a"): [9.0, 3.0], ("p", "b"): [9.0, 4.0]}, basins={("p", "b"): 1})
+    assert compared.references["p"].best == 3
+    assert compared.outcomes["p", "a"] is TargetOutcome.REACHED
+    assert compared.outcomes["p", "b"] is TargetOutcome.OTHER_BASIN
+    assert compared.success("b", 1e-3).value == 0
 
 
 def test_visited_points_count_for_targets_only() -> None:
     lost = record("p", "a", [2.0, 0.5], ending=RunEnding.KILLED)
-    found = comparison({("p", "a"): [], ("p", "b"): [9.0, 4.0]}, lost=lost)
-    assert found.references["p"].best == 0.5
-    assert found.success("a", 1e-7).value == 1
-    assert found.reached("a").value == 0
+    compared = comparison({("p", "a"): [], ("p", "b"): [9.0, 4.0]}, lost=lost)
+    assert compared.references["p"].best == 0.5
+    assert compared.success("a", 1e-7).value == 1
+    assert compared.reached("a").value == 0
 
 
 def test_only_end_is_compared_with_nothing() -> None:
     """Nothing else ended and no cost is known: neither lowest, nor on target, nor advised."""
-    found = comparison({("p", "a"): [9.0, 1.0], ("q", "a"): [2.0]})
-    assert found.comparable == ()
-    assert {*found.outcomes.values()} == {TargetOutcome.ALONE}
-    assert np.isnan(found.success("a", 1e-5).value)
-    assert np.isnan(found.reached("a").value)
-    (said,) = advice(found)
+    compared = comparison({("p", "a"): [9.0, 1.0], ("q", "a"): [2.0]})
+    assert compared.comparable == ()
+    assert {*compared.outcomes.values()} == {TargetOutcome.ALONE}
+    assert np.isnan(compared.success("a", 1e-5).value)
+    assert np.isnan(compared.reached("a").value)
+    (said,) = advice(compared)
     assert said.startswith("There is nothing to compare")
     known = comparison({("p", "a"): [9.0, 1.0]}, known=True)
     assert known.comparable == known.instances
@@ -138,22 +138,22 @@ def test_ratios_are_to_the_best_on_each_problem() -> None:
 
 
 def test_performance_profile_counts_within_alpha_of_the_best() -> None:
-    found = performance_profile(TIMES, [1, 2, 4, 100])
-    np.testing.assert_allclose(found[0], [0.5, 0.5, 0.0])  # a tie is a win of both
-    np.testing.assert_allclose(found[1], [0.75, 0.75, 0.25])
-    np.testing.assert_allclose(found[2], [0.75, 0.75, 0.5])
-    np.testing.assert_allclose(found[3], [0.75, 0.75, 0.5])  # nobody solves the third
+    profile = performance_profile(TIMES, [1, 2, 4, 100])
+    np.testing.assert_allclose(profile[0], [0.5, 0.5, 0.0])  # a tie is a win of both
+    np.testing.assert_allclose(profile[1], [0.75, 0.75, 0.25])
+    np.testing.assert_allclose(profile[2], [0.75, 0.75, 0.5])
+    np.testing.assert_allclose(profile[3], [0.75, 0.75, 0.5])  # nobody solves the third
 
 
 def test_a_data_profile_counts_simplex_gradients() -> None:
-    found = data_profile(TIMES, [0, 1, 1, 2], [1, 2, 4])  # divided by 1, 2, 2, 3
-    np.testing.assert_allclose(found[0], [0.5, 0.5, 0.0])
-    np.testing.assert_allclose(found[1], [0.75, 0.75, 0.25])
-    np.testing.assert_allclose(found[2], [0.75, 0.75, 0.5])
+    profile = data_profile(TIMES, [0, 1, 1, 2], [1, 2, 4])  # divided by 1, 2, 2, 3
+    np.testing.assert_allclose(profile[0], [0.5, 0.5, 0.0])
+    np.testing.assert_allclose(profile[1], [0.75, 0.75, 0.25])
+    np.testing.assert_allclose(profile[2], [0.75, 0.75, 0.5])
 
 
 def test_effort_is_read_from_traces() -> None:
-    found = comparison(
+    compared = comparison(
         {
             ("p", "a"): [50.0, 9.0, 0.0],
             ("p", "b"): [100.0, 10.0, 0.0],
@@ -161,9 +161,9 @@ def test_effort_is_read_from_traces() -> None:
             ("q", "b"): [5.0, 0.0],
         }
     )
-    np.testing.assert_array_equal(found.needed(0.1), [[2, 2], [INF, 1]])
-    np.testing.assert_array_equal(found.needed(1e-3), [[3, 3], [INF, 2]])
-    duel = by_effort(found, 1e-3)["a", "b"]
+    np.testing.assert_array_equal(compared.needed(0.1), [[2, 2], [INF, 1]])
+    np.testing.assert_array_equal(compared.needed(1e-3), [[3, 3], [INF, 2]])
+    duel = by_effort(compared, 1e-3)["a", "b"]
     assert (duel.first, duel.second, duel.ties, duel.both_fail) == (0, 1, 1, 0)
 
 

@@ -31,7 +31,7 @@ from workbench.errors import BadArgument
 
 GAUGES = ("translation", "rotation", "scale", "offset", "mixing", "projective", "gauge")
 ALL = [pytest.param(one, id=one.name) for one in (*ZOO, *FURTHER_ZOO)]
-METRES = {"um": 1e-6, "mm": 1e-3, "m": 1.0, "km": 1e3}
+METRES = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "m": 1.0, "km": 1e3}
 
 
 @pytest.mark.parametrize("specimen", few(ALL, len(ZOO)))
@@ -327,7 +327,7 @@ def said(d: Diagnosis | object) -> list[str]:
 
 
 @pytest.mark.parametrize("build", few([bearings_of_robots, three_cameras], 1))
-@pytest.mark.parametrize("unit", few(["mm", "um", "km"], 1))
+@pytest.mark.parametrize("unit", few(["nm", "mm", "um", "km"], 1))
 def test_no_gauge_and_no_remedy_depends_on_a_unit(build, unit: str) -> None:
     problem, at = build()
     assert said(diagnose(*in_unit(problem, at, unit))) == said(diagnose(problem, at))

@@ -18,7 +18,7 @@ from workbench import (
     residuals,
 )
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.gauges import SAME
+from workbench.diagnostics.gauges import INSIDE
 from workbench.diagnostics.null_space import Direction, named_by_joints
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
 from workbench.geometry.rotation import matrix_from_vector
@@ -76,7 +76,7 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     free = Layout((pose, trans) if translation else (pose,))
     here = Linearization(np.zeros(len(J)), J)
     null = here.spectrum.Vt[here.spectrum.rank :].T
-    return named_by_joints(null, free, (Tree("pose", names, parents),), here, SAME)
+    return named_by_joints(null, free, (Tree("pose", names, parents),), here, INSIDE)
 
 
 @pytest.mark.parametrize("batch", few(range(4), 1))

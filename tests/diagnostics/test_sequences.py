@@ -25,8 +25,8 @@ from workbench.residuals.sequences import Between
 def always_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every sequence takes the long way, however short it is."""
     monkeypatch.setattr(frame_chains, "is_sparse", lambda *_: True)
-    monkeypatch.setattr(frame_chains, "WORTH", 1e9)
-    monkeypatch.setattr(storage, "WIDE", 0)
+    monkeypatch.setattr(frame_chains, "BAND_PER_ENTRY", 1e9)
+    monkeypatch.setattr(storage, "SQUARE_UP_TO", 0)
 
 
 def long(problem: Problem, at: Values, *, priors: Sequence[str] = ()) -> SequenceDiagnosis:

@@ -10,7 +10,7 @@ from workbench import Block, Constraint, Diagnosis, Problem, Values, diagnose, l
 from workbench.arrays import Array
 from workbench.diagnostics import null_space, sparse_jacobian
 from workbench.diagnostics.active_set import ConstrainedJacobian
-from workbench.diagnostics.null_space import LISTED
+from workbench.diagnostics.null_space import MOST_WEAK
 from workbench.errors import TooLarge
 from workbench.problem import Linearization, storage
 from workbench.residuals import Residual
@@ -189,7 +189,7 @@ def test_factorization_gives_what_singular_values_give(
     name: str, apart: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if apart:  # full rows of this size are kept apart
-        monkeypatch.setattr(sparse_jacobian, "LONG", 100)
+        monkeypatch.setattr(sparse_jacobian, "LONG_ROW", 100)
     J, A = made(name)
     n = J.shape[1]
     here = Linearization(np.zeros(len(J)), csc_array(J))
@@ -266,7 +266,7 @@ def test_diagnosis_by_factorization_is_the_dense_one(
     assert abs(J @ vectors).max(initial=0) < 1e-9 * np.linalg.norm(J, axis=0).max()
     assert abs(A @ vectors).max(initial=0) < 1e-9
     changes = [direction.change for direction in sparse.weak_directions]
-    assert len(changes) == min(sparse.weak_count, LISTED)
+    assert len(changes) == min(sparse.weak_count, MOST_WEAK)
     assert changes == sorted(changes)
     assert not changes or changes[0] == pytest.approx(weakest, rel=1e-4)
 
@@ -277,14 +277,14 @@ def test_size_of_a_factor_is_known_before_it_is_computed(monkeypatch: pytest.Mon
     pattern = cs.Sparsity(300, 300, K.indptr.tolist(), K.indices.tolist())
     assert sparse_jacobian.factor_size(K) == pattern.ldl()[0].nnz() + 300  # and its diagonal
     always_sparse(monkeypatch)
-    monkeypatch.setattr(sparse_jacobian, "LARGEST", 100)
+    monkeypatch.setattr(sparse_jacobian, "MOST_NONZEROS", 100)
     with pytest.raises(TooLarge, match=r"185 unknowns would .* 100 entries: free fewer blocks"):
         diagnosed(arrow())
 
 
 def test_too_many_weak_directions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     always_sparse(monkeypatch)
-    monkeypatch.setattr(sparse_jacobian, "NUMBERS", 10_000)
+    monkeypatch.setattr(sparse_jacobian, "MOST_WEAK_NUMBERS", 10_000)
     with pytest.raises(TooLarge, match=r"200 of 600 directions .*: fix some of the unknowns"):
         diagnosed(pieces(0))
 
@@ -294,7 +294,7 @@ def test_null_directions_too_many_for_names_are_said_by_entries(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     always_sparse(monkeypatch)
-    monkeypatch.setattr(null_space, "SEARCHED", 100)
+    monkeypatch.setattr(null_space, "MOST_NAMED", 100)
     J, _ = made(name)
     found = diagnosed(J)
     vectors = np.column_stack([d.vector for d in found.null_directions])

@@ -36,9 +36,9 @@ CONVERTED: list[tuple[object, object, object]] = [
 
 def test_arguments_become_what_the_annotation_says() -> None:
     for annotation, given, expected in CONVERTED:
-        found = converted("x", annotation, given)
-        assert found == expected, (annotation, given)
-        assert type(found) is type(expected), (annotation, given)
+        value = converted("x", annotation, given)
+        assert value == expected, (annotation, given)
+        assert type(value) is type(expected), (annotation, given)
 
 
 REFUSED: list[tuple[object, object, str]] = [

@@ -51,8 +51,8 @@ def test_laplace_deviations_have_nine_certified_digits() -> None:
         assert known.deviations is not None
         assert known.residual_deviation is not None
         here = setup.problem.linearize(known.values)
-        found = known.residual_deviation * np.sqrt(np.diag(here.covariance))
-        assert digits({"b": found}, known.deviations) >= 9, name
+        deviations = known.residual_deviation * np.sqrt(np.diag(here.covariance))
+        assert digits({"b": deviations}, known.deviations) >= 9, name
 
 
 def test_starts_differ_and_others_are_refused() -> None:
@@ -72,14 +72,14 @@ def test_runs_are_solved_to_ten_digits_in_the_mean(solver: str) -> None:
     """Digits of the worst parameter, capped at 11; who claims to have converged has."""
     options: Any = SOLVERS[solver]
     tight = replace(options, gradient_tolerance=GRADIENT_TOLERANCE)
-    found = []
+    digits_found = []
     for name in NAMES:
         for start in (1, 2):
             setup, known = built(name, start)
             solution = tight.solve(setup.problem, setup.start)
             assert known.values is not None
-            found.append(min(11, digits(solution.values, known.values)))
+            digits_found.append(min(11, digits(solution.values, known.values)))
             assert solution.optimality < 1e-9
-    assert len(found) == 24
-    assert min(found) > LEAST_DIGITS[solver]
-    assert np.mean(found) >= 10
+    assert len(digits_found) == 24
+    assert min(digits_found) > LEAST_DIGITS[solver]
+    assert np.mean(digits_found) >= 10

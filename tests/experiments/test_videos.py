@@ -22,10 +22,10 @@ def test_walk_is_found_with_one_shape() -> None:
     assert setup.problem.known["pose"].shape == (8, 24, 3)
     for start in (0, 1):
         begun = find("body-video", {"start": start}).setup().start
-        found = wb.solve(setup.problem, setup.start | begun)
-        assert found.converged
-        assert found.cost == pytest.approx(setup.known.cost, rel=1e-6)
-    first, last = (measured(setup, setup.start | v) for v in ({}, found.values))
+        solution = wb.solve(setup.problem, setup.start | begun)
+        assert solution.converged
+        assert solution.cost == pytest.approx(setup.known.cost, rel=1e-6)
+    first, last = (measured(setup, setup.start | v) for v in ({}, solution.values))
     assert last["joint to synthetic truth, rms"] < first["joint to synthetic truth, rms"] / 5
     assert last["joint to synthetic truth, rms"] < 40  # mm
 

@@ -240,6 +240,7 @@ def test_damaged_mediapipe_files_are_refused(tmp_path: Path) -> None:
             "is said to be Both|is said to be 'Both'; a hand is Left or Right",
         ),
         ({"pose_landmarks": [LEFT]}, "has 21 points; MediaPipe's has 33"),
+        ({"pose_landmarks": 5}, "pose_landmarks must be a list of at most 1000, not 5"),
         ({"left_hand_landmarks": [{"x": "a", "y": 1}] * 21}, "must be numbers"),
     ]:
         with pytest.raises(BadFile, match=says):

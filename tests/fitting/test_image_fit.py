@@ -36,8 +36,8 @@ from workbench.fitting.jobs import (
     image_jobs,
 )
 from workbench.fitting.keypoints import (
-    MARKED,
-    TYPICAL,
+    MARKED_SD,
+    TYPICAL_SD,
     KeypointProblem,
     alike,
     as_marked,
@@ -363,8 +363,8 @@ def test_keypoints_are_weighed_by_precision() -> None:
     assert of["left_hip"] == pytest.approx(1.181, abs=1e-3)
     assert of["right_heel"] == of["left_small_toe"] == as_marked(["left_index1"])[0] == 1
     assert np.array_equal(alike(names), np.ones(len(names)))
-    marked = [s for name in names for end, s in MARKED.items() if name.endswith(end)]
-    assert pytest.approx(np.median(marked)) == TYPICAL
+    marked = [s for name in names for end, s in MARKED_SD.items() if name.endswith(end)]
+    assert pytest.approx(np.median(marked)) == TYPICAL_SD
     setup = image_fit(seen(person(1)), BODY, "q")
     plain = image_fit(seen(person(1)), BODY, "q", recipe=ByHeight(relative=alike, outlier=1e6))
     whitened = image_fit(seen(person(1)), BODY, "q", recipe=ByHeight(outlier=1e6))

@@ -15,7 +15,7 @@ from workbench.errors import BadBody, BadFile, NonFiniteValue, ShapeMismatch
 from workbench.experiments import Setup
 from workbench.experiments.body_fits import known_correspondences
 from workbench.fitting import BadObservation, hand_problem, hand_start, pose_prior
-from workbench.fitting.body_priors import BESIDE, pose_gaussian
+from workbench.fitting.body_priors import BESIDE_SPACE, pose_gaussian
 from workbench.fitting.hands import points_of
 from workbench.fitting.known_points import from_correspondences, own_mesh
 from workbench.geometry.meshes import read_mesh, read_registered, write_mesh
@@ -206,10 +206,10 @@ def test_hand_prior_is_that_of_its_pose_space() -> None:
     mean, covariance = pose_gaussian(HAND)
     space = pose_space(HAND)
     np.testing.assert_allclose(mean, space.mean)
-    sizes = np.sqrt(np.linalg.eigvalsh(covariance)[::-1][:10] - BESIDE**2)
+    sizes = np.sqrt(np.linalg.eigvalsh(covariance)[::-1][:10] - BESIDE_SPACE**2)
     np.testing.assert_allclose(sizes, space.deviations[:10], rtol=1e-3)
     problem = wb.Problem([pose_prior(HAND)], ("pose",))
     along = space.poses(HAND, np.concatenate([space.deviations[:1], np.zeros(44)]))
     cost = problem.linearize({"pose": along}).cost
-    expected = 0.5 * space.deviations[0] ** 2 / (space.deviations[0] ** 2 + BESIDE**2)
+    expected = 0.5 * space.deviations[0] ** 2 / (space.deviations[0] ** 2 + BESIDE_SPACE**2)
     assert cost == pytest.approx(expected, rel=1e-3)

@@ -221,6 +221,7 @@ def test_damaged_scans_are_refused(tmp_path: Path) -> None:
     )
     for points, sentence in [
         (np.zeros((0, 3)), "it holds no points"),
+        (np.zeros((0, 6)), "it holds no points"),
         (np.ones((500, 3)), "1 different points.*499 points are in the place"),
         (np.full((500, 3), np.nan), "0 different points.*500 points are NaN"),
         (1e6 * SURFACE, "in none of cm, in, m, mm is this the size of a body"),

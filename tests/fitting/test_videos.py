@@ -44,6 +44,7 @@ def test_video_shares_one_shape() -> None:
     measures = {one.name: one.value for one in setup.measures(found)}
     assert measures["reprojection, cam02"] < 15
     assert 1500 < measures["height at rest"] < 1900
+    assert measures["independent frames"] == pytest.approx(n)  # as the note says
     sizes = []
     for worth in (1 / 8, 1.0):  # more of them outweigh the prior on the shape
         start = setup.start | {"evidence": np.array([worth])}

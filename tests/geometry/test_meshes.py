@@ -75,6 +75,15 @@ def test_obj_with_seams_keeps_its_vertices(tmp_path: Path) -> None:
     assert mesh.faces.tolist() == [[2, 1, 0], [0, 2, 3], [0, 1, 2], [0, 2, 3], [0, 1, 2]]
 
 
+@pytest.mark.parametrize("corner", ["1/--1", "1/x", "1/9"])
+def test_unusable_texture_coordinates_are_left_in_the_file(tmp_path: Path, corner: str) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf {corner} 2/1 3/1\n")
+    mesh = read_mesh(path)
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert mesh.uv is None
+
+
 def textured() -> Mesh:
     """Two triangles of a square, on an own place of the texture each."""
     places = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])

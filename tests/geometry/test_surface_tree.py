@@ -200,7 +200,7 @@ def test_distances_are_negative_inside(way: Ways) -> None:
 
 @BOTH
 def test_normals_of_a_cube(way: Ways) -> None:
-    tree = SurfaceTree(CUBE, way=way)  # as trimesh has it
+    tree = SurfaceTree(CUBE, find_backend=way)  # as trimesh has it
     points = np.array([[1.0, 1, 1], [1, 1, 0.1], [1, 0.2, 0.1], [0.4, 0.1, 0.1], [-1, -1, 1]])
     found = tree.closest(points)
     expected = unit(np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 0], [1, 0, 0], [-1, -1, 1]]))

@@ -214,7 +214,7 @@ def _record() -> Record:
 
 
 def _description() -> Description:
-    return Description("p", 3, 2, True, 1.0, np.nan, "", False, "which?")
+    return Description("p", 3, 2, True, 1.0, np.nan, "", "which?")
 
 
 def _judgement() -> EndAnalysis:

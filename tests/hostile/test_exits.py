@@ -142,7 +142,7 @@ from workbench import processes
 child = subprocess.Popen(
     [sys.executable, "-c", "from workbench import processes; import os, time; "
      "processes.{begin}; print(os.getpid(), flush=True); time.sleep(300)"],
-    env=os.environ | {{processes.PARENT: str(os.getpid())}},
+    env=os.environ | {{processes.PARENT_VARIABLE: str(os.getpid())}},
 )
 child.wait()
 """

@@ -29,7 +29,7 @@ def chain(n: int) -> wb.Problem:
 
 def test_dense_jacobians_that_do_not_fit_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(storage, "free_memory", lambda: 1000)
-    monkeypatch.setattr(storage, "SMALL", 0)
+    monkeypatch.setattr(storage, "ALWAYS_FITS", 0)
     start = {"x": np.full(10, -1.2)}
     with pytest.raises(TooLarge, match=SENTENCE):
         chain(10).linearize(start)

@@ -7,7 +7,7 @@ import pytest
 
 import workbench as wb
 from workbench.course import source
-from workbench.course.cells import apart, carried_out, cells
+from workbench.course.cells import cells, run_cells, split_at_drawing
 from workbench.course.formulas import in_letters
 from workbench.course.outline import course
 from workbench.errors import BadFile
@@ -18,20 +18,20 @@ THERE = course()
 
 
 def test_apart_splits_a_cell_where_drawing_begins() -> None:
-    computing, drawing = apart(
+    computing, drawing = split_at_drawing(
         "x = f()\n\n# two lines\nwith house_style():\n    g(x)\nPicture(figure, 'so')"
     )
     assert computing == "x = f()"
     assert drawing == "# two lines\nwith house_style():\n    g(x)\nPicture(figure, 'so')"
-    assert apart("x = f()\ng(x)") == ("x = f()\ng(x)", "")
-    assert apart("with house_style():\n    g()")[0] == ""
+    assert split_at_drawing("x = f()\ng(x)") == ("x = f()\ng(x)", "")
+    assert split_at_drawing("with house_style():\n    g()")[0] == ""
 
 
 def run(tmp_path: Path, text: str) -> list[str]:
     """The prose of a script, filled."""
     path = tmp_path / "lecture.py"
     path.write_text(text)
-    return [cell.text for cell, _, _ in carried_out(path) if cell.prose]
+    return [cell.text for cell, _, _ in run_cells(path) if cell.prose]
 
 
 def test_prose_takes_its_numbers_from_the_run(tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ def test_prose_that_the_run_does_not_bear_out_is_refused(
 def test_folded_code_of_every_lecture_only_draws() -> None:
     for lecture in THERE:
         for one in cells(lecture.folder / "lecture.py"):
-            computing, drawing = apart(one.text) if not one.prose else ("", "")
+            computing, drawing = split_at_drawing(one.text) if not one.prose else ("", "")
             place = f"{lecture.folder_name}, line {one.line}"
             assert "print(" not in drawing, f"{place}: print before the figure is drawn"
             assert "Picture(" not in computing, f"{place}: draw within `with house_style():`"

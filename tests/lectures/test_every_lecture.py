@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.tiers import few
-from workbench.course.cells import carried_out, cells
+from workbench.course.cells import cells, run_cells
 from workbench.course.grading import CheckState, grade_exercise
 from workbench.course.outline import FILES, Lecture, lecture
 from workbench.course.showing import Picture, Source
@@ -57,7 +57,7 @@ def test_outline_counts_lectures_and_their_files() -> None:
 @pytest.mark.parametrize("lecture", slow_but(2, 6))
 def test_lecture_runs_and_shows_figures(lecture: Lecture) -> None:
     """It also holds what the prose says: a field that is false stops the lecture."""
-    ran = list(carried_out(lecture.folder / "lecture.py"))
+    ran = list(run_cells(lecture.folder / "lecture.py"))
     pictures = [value for _, value, _ in ran if isinstance(value, Picture)]
     assert pictures, "a lecture watches something fail in a figure"
     for picture in pictures:
@@ -234,7 +234,7 @@ def test_planted_fault_stops_a_lecture(right: str, planted: str, tmp_path: Path)
     path = tmp_path / "lecture.py"
     path.write_text(text.replace(right, planted))
     with pytest.raises(BadFile, match=r"line \d+: "):
-        for _ in carried_out(path):
+        for _ in run_cells(path):
             pass
 
 

@@ -3,7 +3,7 @@
 import re
 
 from workbench.course.outline import course, lecture, root
-from workbench.course.packs.variants import chosen
+from workbench.course.packs.variants import chosen_exercises
 
 TEXT = (root() / "PLANS.md").read_text(encoding="utf-8")
 PLANS = {part.split("\n", 1)[0]: part for part in TEXT.split("\n## ")[1:]}
@@ -55,7 +55,7 @@ def can_be_taught(name: str) -> None:
             before.add(number)
         now = [lecture(int(n)) for n in lectures.split(",")]
         assert int(in_class) == sum(one.minutes for one in now)
-        some = chosen(exercises.split())
+        some = chosen_exercises(exercises.split())
         assert int(at_home) == sum(one.variant.minutes for one in some)
         assert {one.published.number for one in some if one.published} <= {n.number for n in now}
     assert int(total[2]) == sum(int(week[2]) for week in weeks)

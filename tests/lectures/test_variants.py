@@ -12,7 +12,7 @@ from workbench.course.checks import Missed, outcome
 from workbench.course.outline import course, lecture
 from workbench.course.packs.keys import OF_THE_LECTURE, ClassKey, ExerciseKey, make_keys
 from workbench.course.packs.marking import compare
-from workbench.course.packs.variants import PackExercise, chosen, variants_of
+from workbench.course.packs.variants import PackExercise, chosen_exercises, variants_of
 from workbench.course.plain import decode
 from workbench.errors import BadArgument, UnknownName
 
@@ -67,7 +67,7 @@ def numbers_matter_and_mistakes_are_wrong(one: PackExercise) -> None:
 
 
 def test_seed_decides_the_numbers_of_students() -> None:
-    some = chosen(["4.2", "7"])
+    some = chosen_exercises(["4.2", "7"])
     again, other = make_keys("a class", 5, STUDENTS, some), make_keys("a class", 6, STUDENTS, some)
     mine = key_of(some[0], "ada")
     assert again.keys["ada"][0] == mine
@@ -80,8 +80,8 @@ def test_seed_decides_the_numbers_of_students() -> None:
 
 def test_chosen_refuses_what_is_no_exercise() -> None:
     with pytest.raises(UnknownName, match=r"called '4\.9'; there are 4\.2, 4\.3, 4\.4"):
-        chosen(["4.9"])
+        chosen_exercises(["4.9"])
     with pytest.raises(BadArgument, match="neither a lecture"):
-        chosen(["four"])
-    assert [one.number for one in chosen(["4", "4.2"])] == ["4.2", "4.3", "4.4"]
+        chosen_exercises(["four"])
+    assert [one.number for one in chosen_exercises(["4", "4.2"])] == ["4.2", "4.3", "4.4"]
     assert lecture(4).exercise_minutes == 140

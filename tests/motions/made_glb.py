@@ -127,8 +127,8 @@ def places_of(rotations: np.ndarray, trans: np.ndarray) -> np.ndarray:
     root = trans
     spine = root + np.einsum("tij,j->ti", R[:, 0], OFFSETS[1])
     leg = root + np.einsum("tij,j->ti", R[:, 0], OFFSETS[2])
-    found = np.stack([root, spine, leg], axis=1)
-    return 0.01 * found[..., [0, 2, 1]] * [1, 1, -1]
+    places = np.stack([root, spine, leg], axis=1)
+    return 0.01 * places[..., [0, 2, 1]] * [1, 1, -1]
 
 
 TRANS = OFFSETS[0] + np.array([[0.0, 0, 0], [0, 0, 0], [5, 0, 0], [7, 0, 0]])

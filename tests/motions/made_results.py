@@ -68,9 +68,9 @@ def smplx(m: Motion, rows: slice = slice(None), turned: bool = False) -> dict[st
     parts |= {"left_hand_pose": (25, 40), "right_hand_pose": (40, 55)}
     T = len(m.pose[rows])
     shape = (T, -1, 3, 3) if turned else (T, -1)
-    found = {key: pose[rows, a:b].reshape(shape) for key, (a, b) in parts.items()}
+    arrays = {key: pose[rows, a:b].reshape(shape) for key, (a, b) in parts.items()}
     betas = np.tile(m.betas, (T, 1))
-    return {**found, "betas": betas, "transl": m.trans[rows], "expression": np.zeros((T, 10))}
+    return {**arrays, "betas": betas, "transl": m.trans[rows], "expression": np.zeros((T, 10))}
 
 
 def another(m: Motion, frames: int | None = None) -> Motion:
@@ -267,14 +267,14 @@ def _easymocap(path: Path, m: Motion) -> None:
 
 def _aist(path: Path, m: Motion) -> None:
     scale = np.array([93.7])
-    found = {"smpl_poses": flat(m, 24), "smpl_trans": scale * m.trans, "smpl_scaling": scale}
-    path.write_bytes(pickle.dumps({**found, "smpl_loss": 1.2}))
+    arrays = {"smpl_poses": flat(m, 24), "smpl_trans": scale * m.trans, "smpl_scaling": scale}
+    path.write_bytes(pickle.dumps({**arrays, "smpl_loss": 1.2}))
 
 
 def _mdm(path: Path, m: Motion) -> None:
     six = matrices(flat(m, 24).reshape(F, 24, 3))[..., :2, :].reshape(F, 24, 6)
-    found = {"thetas": np.moveaxis(six, 0, -1), "root_translation": m.trans.T, "length": F}
-    np.save(path, {**found, "text": "a person walks"}, allow_pickle=True)  # type: ignore[arg-type]
+    arrays = {"thetas": np.moveaxis(six, 0, -1), "root_translation": m.trans.T, "length": F}
+    np.save(path, {**arrays, "text": "a person walks"}, allow_pickle=True)  # type: ignore[arg-type]
 
 
 def _motion_x(path: Path, m: Motion) -> None:
@@ -293,7 +293,7 @@ def _grab(path: Path, m: Motion) -> None:
 
 def _3dpw(path: Path, m: Motion) -> None:
     two = (another(m), m)
-    found = {
+    arrays = {
         "poses": [flat(one, 24) for one in two],
         "trans": [one.trans for one in two],
         "betas": [one.betas for one in two],
@@ -301,7 +301,7 @@ def _3dpw(path: Path, m: Motion) -> None:
         "img_frame_ids": np.arange(F),
         "sequence": "downtown_walking_00",
     }
-    path.write_bytes(pickle.dumps(found, 2))
+    path.write_bytes(pickle.dumps(arrays, 2))
 
 
 def _slahmr(path: Path, m: Motion) -> None:
@@ -319,10 +319,10 @@ def _slahmr(path: Path, m: Motion) -> None:
 def _smpler_x(path: Path, m: Motion) -> None:
     path.mkdir()
     for t in range(F):
-        found = smplx(m, slice(t, t + 1))
+        arrays = smplx(m, slice(t, t + 1))
         for key in ("body_pose", "left_hand_pose", "right_hand_pose"):
-            found[key] = found[key].reshape(-1, 3)
-        np.savez(path / f"{t:05}_0.npz", **found)
+            arrays[key] = arrays[key].reshape(-1, 3)
+        np.savez(path / f"{t:05}_0.npz", **arrays)
 
 
 def _human_data(path: Path, m: Motion) -> None:
@@ -356,8 +356,8 @@ def _dictionaries(path: Path, m: Motion) -> None:
 def _intergen(path: Path, m: Motion) -> None:
     def one(of: Motion, gender: str) -> dict[str, Any]:
         body = of.pose[:, 1:22].reshape(F, 63)
-        found = {"root_orient": of.pose[:, 0], "pose_body": body, "trans": of.trans}
-        return {**found, "betas": of.betas, "gender": gender}
+        arrays = {"root_orient": of.pose[:, 0], "pose_body": body, "trans": of.trans}
+        return {**arrays, "betas": of.betas, "gender": gender}
 
     two = {"person1": one(another(m), "male"), "person2": one(m, "female")}
     path.write_bytes(pickle.dumps({**two, "mocap_framerate": 59.94}))

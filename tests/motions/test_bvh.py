@@ -56,27 +56,27 @@ def walk() -> Motion:
 
 
 def test_joints_match_kinematics_by_hand(tmp_path: Path) -> None:
-    found = read_bvh(saved(tmp_path, bvh_text(bvh_rows())))
-    assert found.joint_names == NAMES
+    motion = read_bvh(saved(tmp_path, bvh_text(bvh_rows())))
+    assert motion.joint_names == NAMES
     expected = np.array([by_hand(row) for row in bvh_rows()]) / 100
-    np.testing.assert_allclose(places(found), expected, atol=1e-8)
-    assert found.fps == 30
-    assert "the frame time 0.0333333 s is taken for 30 frames a second" in found.notes
-    assert "positions of the root take the place of its OFFSET, which is not zero" in found.notes
+    np.testing.assert_allclose(places(motion), expected, atol=1e-8)
+    assert motion.fps == 30
+    assert "the frame time 0.0333333 s is taken for 30 frames a second" in motion.notes
+    assert "positions of the root take the place of its OFFSET, which is not zero" in motion.notes
 
 
 def test_bvh_survives_its_file(tmp_path: Path) -> None:
     motion = walk()
     write_bvh(tmp_path / "walk.bvh", motion, SMALL)
-    found = read_motion(tmp_path / "walk.bvh")
-    order = [found.joint_names.index(name) for name in SMALL.joint_names]
-    np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=1e-6)
+    read = read_motion(tmp_path / "walk.bvh")
+    order = [read.joint_names.index(name) for name in SMALL.joint_names]
+    np.testing.assert_allclose(read.joints()[:, order], motion.joints(SMALL), atol=1e-6)
     played = Motion(
-        found.pose, found.trans, found.fps, found.joint_names, motion.betas, bones=found.bones
+        read.pose, read.trans, read.fps, read.joint_names, motion.betas, bones=read.bones
     )
     np.testing.assert_allclose(played.vertices(SMALL), motion.vertices(SMALL), atol=1e-6)
-    write_bvh(tmp_path / "again.bvh", found)
-    np.testing.assert_allclose(places(read_bvh(tmp_path / "again.bvh")), places(found), atol=1e-6)
+    write_bvh(tmp_path / "again.bvh", read)
+    np.testing.assert_allclose(places(read_bvh(tmp_path / "again.bvh")), places(read), atol=1e-6)
 
 
 @pytest.mark.thorough
@@ -85,12 +85,12 @@ def test_bvhio_reads_the_same_joints(tmp_path: Path) -> None:
     motion = walk()
     write_bvh(tmp_path / "walk.bvh", motion, SMALL)
     root = bvhio.readAsHierarchy(str(tmp_path / "walk.bvh"))
-    found = np.empty((len(motion), 24, 3))
+    joints = np.empty((len(motion), 24, 3))
     for t in range(len(motion)):
         root.loadPose(t)
         for joint, _, _ in root.layout():
-            found[t, SMALL.joint_names.index(joint.Name)] = np.array(joint.PositionWorld)
-    np.testing.assert_allclose(found / 100, motion.joints(SMALL), atol=1e-5)
+            joints[t, SMALL.joint_names.index(joint.Name)] = np.array(joint.PositionWorld)
+    np.testing.assert_allclose(joints / 100, motion.joints(SMALL), atol=1e-5)
 
 
 def test_limbs_at_gimbal_lock_are_written(tmp_path: Path) -> None:
@@ -101,9 +101,9 @@ def test_limbs_at_gimbal_lock_are_written(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         write_bvh(tmp_path / "walk.bvh", motion, SMALL)
-    found = read_bvh(tmp_path / "walk.bvh")
-    order = [found.joint_names.index(name) for name in SMALL.joint_names]
-    np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=1e-6)
+    read = read_bvh(tmp_path / "walk.bvh")
+    order = [read.joint_names.index(name) for name in SMALL.joint_names]
+    np.testing.assert_allclose(read.joints()[:, order], motion.joints(SMALL), atol=1e-6)
 
 
 def scaled_bvh(tmp_path: Path, motion: Motion, scale: float) -> Path:
@@ -128,10 +128,10 @@ def scaled_bvh(tmp_path: Path, motion: Motion, scale: float) -> Path:
 def test_unit_of_bvh_is_guessed(tmp_path: Path, scale: float, name: str) -> None:
     motion = walk()
     path = scaled_bvh(tmp_path, motion, scale)
-    found = read_bvh(path)
-    assert f"the unit is taken to be {name}, " in found.notes[0]
-    order = [found.joint_names.index(n) for n in SMALL.joint_names]
-    np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=2e-6)
+    read = read_bvh(path)
+    assert f"the unit is taken to be {name}, " in read.notes[0]
+    order = [read.joint_names.index(n) for n in SMALL.joint_names]
+    np.testing.assert_allclose(read.joints()[:, order], motion.joints(SMALL), atol=2e-6)
     given = read_bvh(path, unit=name, up="y")
     assert given.notes[0].startswith(f"the unit {name} was given; the skeleton would stand 1.")
     assert given.notes[1] == "the axis y was given as up"
@@ -150,8 +150,8 @@ def test_unit_of_a_person_who_crouches_is_told_by_the_bones(
     for side, down in (("left", -1.3), ("right", 1.3)):
         pose[:, SMALL.joint_names.index(f"{side}_shoulder"), 2] = down
     motion = Motion(pose, np.zeros((3, 3)), 30.0, SMALL.joint_names)
-    found = read_bvh(scaled_bvh(tmp_path, motion, scale))
-    assert f"taken to be {name}, in which the skeleton would stand 1.6" in found.notes[0]
+    read = read_bvh(scaled_bvh(tmp_path, motion, scale))
+    assert f"taken to be {name}, in which the skeleton would stand 1.6" in read.notes[0]
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -165,10 +165,10 @@ def test_positions_below_the_root_replace_offsets(tmp_path: Path, whole: bool) -
     bone = np.array([-5.0, 10.0, 0.0]) if whole else np.array([0.01, 0.02, 0.0])  # y, x, z
     between = np.insert(numbers, [7, 7, 7], bone, axis=1)
     body = "\n".join(" ".join(map(str, row)) for row in between)
-    found = read_bvh(saved(tmp_path, f"{head}0.0333333\n{body}\n"))
+    motion = read_bvh(saved(tmp_path, f"{head}0.0333333\n{body}\n"))
     expected = np.array([by_hand(row) for row in bvh_rows()]) / 100
-    np.testing.assert_allclose(places(found), expected, atol=1e-8 if whole else 3e-4)
-    assert ("take the place of" if whole else "are added to") in found.notes[-1]
+    np.testing.assert_allclose(places(motion), expected, atol=1e-8 if whole else 3e-4)
+    assert ("take the place of" if whole else "are added to") in motion.notes[-1]
     between[0, 7] += 5.0  # cm
     body = "\n".join(" ".join(map(str, row)) for row in between)
     with pytest.raises(BadFile, match="bones change their length by up to 0"):
@@ -191,26 +191,28 @@ def test_bvh_is_read_as_programs_write_it(tmp_path: Path, name: str) -> None:
     text, note = VARIANTS[name]
     path = tmp_path / "walk.bvh"
     path.write_bytes(text.encode())
-    found = read_bvh(path)
-    assert found.joint_names == NAMES
-    np.testing.assert_allclose(places(found), EXPECTED, atol=1e-6)
-    assert note in " ".join(found.notes)
-    assert found.fps == 30
+    motion = read_bvh(path)
+    assert motion.joint_names == NAMES
+    np.testing.assert_allclose(places(motion), EXPECTED, atol=1e-6)
+    assert note in " ".join(motion.notes)
+    assert motion.fps == 30
 
 
 def test_hips_that_move_below_a_root_become_the_root(tmp_path: Path) -> None:
     """In a file that has everything else that is odd as well."""
     path = tmp_path / "odd.bvh"
     path.write_text(odd_text(), encoding="utf-8")
-    found = read_bvh(path)
+    motion = read_bvh(path)
     x, y, z, *angles = REFERENCE
     R = np.linalg.multi_dot([about(axis, a) for axis, a in zip("ZYX", angles, strict=True)])
-    np.testing.assert_allclose(places(found), EXPECTED @ R.T + np.array([x, y, z]) / 100, atol=1e-6)
-    assert found.joint_names == NAMES
-    notes = " ".join(found.notes)
+    np.testing.assert_allclose(
+        places(motion), EXPECTED @ R.T + np.array([x, y, z]) / 100, atol=1e-6
+    )
+    assert motion.joint_names == NAMES
+    notes = " ".join(motion.notes)
     assert "left out at the root, because their child moves away: Reference" in notes
     assert "of 2 skeletons that of 'Reference' is read" in notes
-    assert f"it has {len(found)} frames, and says {len(found) + 1}" in notes
+    assert f"it has {len(motion)} frames, and says {len(motion) + 1}" in notes
 
 
 WHOLE = bvh_text(bvh_rows())
@@ -253,9 +255,9 @@ def test_damaged_bvh_is_refused(tmp_path: Path) -> None:
 
 
 def test_equal_joint_names_get_numbers(tmp_path: Path) -> None:
-    found = read_bvh(saved(tmp_path, WHOLE.replace("Left Leg", "Bone").replace("Chest", "Bone")))
-    assert found.joint_names == ("Hips", "Bone", "LeftFoot", "Bone_2")
-    assert any("joints had no name or that of another" in note for note in found.notes)
+    motion = read_bvh(saved(tmp_path, WHOLE.replace("Left Leg", "Bone").replace("Chest", "Bone")))
+    assert motion.joint_names == ("Hips", "Bone", "LeftFoot", "Bone_2")
+    assert any("joints had no name or that of another" in note for note in motion.notes)
 
 
 def test_motion_without_bones_needs_a_body(tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ def played_by_hand(path: Path, pose: NDArray[np.float64]) -> NDArray[np.float64]
     targets = [document.values(t["POSITION"], "VEC3", 3) for t in primitive["targets"]]
     bind = document.values(json_["skins"][0]["inverseBindMatrices"], "MAT4", 16)
     bind = bind.reshape(K, 4, 4).swapaxes(1, 2)
-    samplers, found = json_["animations"][0]["samplers"], []
+    samplers, motions = json_["animations"][0]["samplers"], []
     parent = {c: k for k, n in enumerate(json_["nodes"]) for c in n.get("children", [])}
     for t in range(len(pose)):
         nodes, weights = [dict(n) for n in json_["nodes"]], np.zeros(len(targets))
@@ -104,5 +104,5 @@ def played_by_hand(path: Path, pose: NDArray[np.float64]) -> NDArray[np.float64]
             world.append(world[parent[k]] @ own if k in parent else own)
         moved = rest + np.tensordot(weights, np.array(targets), 1)
         blend = np.einsum("nk,kij->nij", influences, np.array(world) @ bind)
-        found.append(np.einsum("nij,nj->ni", blend, np.c_[moved, np.ones(N)])[:, :3])
-    return np.array(found)
+        motions.append(np.einsum("nij,nj->ni", blend, np.c_[moved, np.ones(N)])[:, :3])
+    return np.array(motions)

@@ -25,25 +25,62 @@ from workbench.motions import read_glb, write_glb
 @pytest.mark.parametrize("option", few([{"cubic": True}, {"floor": True}, {}, {"step": True}], 2))
 def test_glb_of_other_programs_is_read(tmp_path: Path, option: dict[str, bool]) -> None:
     (tmp_path / "a.glb").write_bytes(made(**option))
-    found = wb.read_motion(tmp_path / "a.glb")
-    assert found.joint_names == NAMES
-    assert found.bones is not None
-    assert found.bones.parents == (-1, 0, 0)
-    assert found.fps == pytest.approx(10.0)
-    np.testing.assert_allclose(found.joints(), places_of(turns(), TRANS), atol=1e-4)
-    relative = Rotation.from_rotvec(found.pose[:, 1]).magnitude()
+    motion = wb.read_motion(tmp_path / "a.glb")
+    assert motion.joint_names == NAMES
+    assert motion.bones is not None
+    assert motion.bones.parents == (-1, 0, 0)
+    assert motion.fps == pytest.approx(10.0)
+    np.testing.assert_allclose(motion.joints(), places_of(turns(), TRANS), atol=1e-4)
+    relative = Rotation.from_rotvec(motion.pose[:, 1]).magnitude()
     np.testing.assert_allclose(relative, np.linalg.norm(turns()[:, 1], axis=1), atol=1e-3)
-    assert "the unit is m" in found.notes[0]
-    assert "weights of morph targets are not read" in " ".join(found.notes)
-    assert ("left out at the root" in " ".join(found.notes)) == ("floor" in option)
+    assert "the unit is m" in motion.notes[0]
+    assert "weights of morph targets are not read" in " ".join(motion.notes)
+    assert ("left out at the root" in " ".join(motion.notes)) == ("floor" in option)
+
+
+@pytest.mark.parametrize(
+    "own",
+    [{"rotation": [0.0, 1.0, 0.0, 0.0]}, {"scale": [0.0, 0.0, 0.0]}, {"translation": [1.0, 2, 3]}],
+)
+def test_transform_of_skinned_mesh_is_ignored(tmp_path: Path, own: dict[str, Any]) -> None:
+    for name in ("plain", "moved"):
+        write_text(tmp_path / f"{name}.gltf")
+    document = json.loads((tmp_path / "moved.gltf").read_text())
+    document["nodes"][5] |= own
+    (tmp_path / "moved.gltf").write_text(json.dumps(document))
+    plain, moved = (read_glb(tmp_path / f"{name}.gltf") for name in ("plain", "moved"))
+    assert plain.bones is not None
+    assert moved.bones is not None
+    np.testing.assert_array_equal(moved.bones.rest, plain.bones.rest)
+    np.testing.assert_array_equal(moved.pose, plain.pose)
+    np.testing.assert_array_equal(moved.trans, plain.trans)
+
+
+def test_joints_of_a_skin_may_have_any_order_and_several_trees(tmp_path: Path) -> None:
+    path = tmp_path / "a.gltf"
+    write_text(path)
+    plain = read_glb(path)
+    document = json.loads(path.read_text())
+    document["skins"] = [{"joints": [3, 4, 1]}]  # bound where the nodes are
+    path.write_text(json.dumps(document))
+    motion = read_glb(path)
+    assert motion.joint_names == NAMES
+    assert motion.bones is not None
+    assert motion.bones.parents == (-1, 0, 0)
+    np.testing.assert_allclose(motion.joints(), plain.joints(), atol=1e-5)
+    document["nodes"][1]["children"].remove(4)
+    path.write_text(json.dumps(document))
+    motion = read_glb(path)
+    assert motion.joint_names == ("hips", "spine")
+    assert "joints in trees of their own are left out: leg" in motion.notes
 
 
 def test_rotations_between_keys_go_the_shortest_way(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(made())
-    found, keys = read_glb(tmp_path / "a.glb", fps=20.0), read_glb(tmp_path / "a.glb")
-    assert len(found) == 7
-    np.testing.assert_allclose(found.pose[::2], keys.pose, atol=1e-6)
-    np.testing.assert_allclose(found.joints(), keys.resampled(20.0).joints(), atol=2e-4)
+    motion, keys = read_glb(tmp_path / "a.glb", fps=20.0), read_glb(tmp_path / "a.glb")
+    assert len(motion) == 7
+    np.testing.assert_allclose(motion.pose[::2], keys.pose, atol=1e-6)
+    np.testing.assert_allclose(motion.joints(), keys.resampled(20.0).joints(), atol=2e-4)
 
 
 @pytest.mark.parametrize("name", ["small"])
@@ -52,11 +89,11 @@ def test_glb_survives_its_file(tmp_path: Path, name: str) -> None:
     assert isinstance(body, wb.SkinnedBody)
     motion = clip(body, 7)
     write_glb(tmp_path / "a.glb", motion, body, correctives=2)
-    found = wb.read_motion(tmp_path / "a.glb")
-    assert found.fps == 30.0
-    np.testing.assert_allclose(found.joints(), motion.joints(body), atol=1e-5)
-    np.testing.assert_allclose(found.betas, motion.betas)
-    np.testing.assert_allclose(found.vertices(body), motion.vertices(body), atol=1e-5)
+    read = wb.read_motion(tmp_path / "a.glb")
+    assert read.fps == 30.0
+    np.testing.assert_allclose(read.joints(), motion.joints(body), atol=1e-5)
+    np.testing.assert_allclose(read.betas, motion.betas)
+    np.testing.assert_allclose(read.vertices(body), motion.vertices(body), atol=1e-5)
 
 
 def test_one_of_several_animations_is_read_by_name_or_number(tmp_path: Path) -> None:
@@ -69,14 +106,14 @@ def test_one_of_several_animations_is_read_by_name_or_number(tmp_path: Path) -> 
     (tmp_path / "b.glb").write_bytes(content)
     whole = read_glb(tmp_path / "b.glb")
     for name in (None, "walk", "0"):
-        found = wb.read_motion(tmp_path / "a.glb", animation=name)
-        np.testing.assert_array_equal(found.pose, whole.pose)
-        np.testing.assert_array_equal(found.trans, whole.trans)
-        assert "the animation walk is read, and not 1, face" in found.notes
-    found = read_glb(tmp_path / "a.glb", animation="1")
-    moved, way = (motion.trans - motion.trans[0] for motion in (found, whole))
+        read = wb.read_motion(tmp_path / "a.glb", animation=name)
+        np.testing.assert_array_equal(read.pose, whole.pose)
+        np.testing.assert_array_equal(read.trans, whole.trans)
+        assert "the animation walk is read, and not 1, face" in read.notes
+    read = read_glb(tmp_path / "a.glb", animation="1")
+    moved, way = (motion.trans - motion.trans[0] for motion in (read, whole))
     np.testing.assert_allclose(moved, way, atol=1e-9)
-    assert np.abs(found.pose - found.pose[0]).max() < 1e-9
+    assert np.abs(read.pose - read.pose[0]).max() < 1e-9
     with pytest.raises(UnknownName, match=r"'run'; there are walk \(0\), 1 \(1\), face \(2\)"):
         read_glb(tmp_path / "a.glb", animation="run")
     with pytest.raises(BadFile, match="an animation 'face', but not one of the joints of its skin"):
@@ -187,8 +224,8 @@ def shown(path: Path) -> tuple[dict[str, object], np.ndarray]:
     """What the validator finds, and the vertices (T * N, 3) m that three.js shows."""
     script, out = Path(__file__).with_name("three.mjs"), path.with_suffix(".bin")
     command = ["node", str(script), str(Path(MODULES).absolute()), str(path), str(out)]
-    found = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    return json.loads(found.stdout), np.fromfile(out).reshape(-1, 3)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return json.loads(run.stdout), np.fromfile(out).reshape(-1, 3)
 
 
 @pytest.mark.thorough
@@ -209,7 +246,7 @@ def test_validator_and_three_show_the_body(
     motion = clip(body, frames, seed=6)
     write_glb(path, motion, body, correctives=correctives, shapes=10)
     issues, places = shown(path)
-    found = [issues[f"num{kind}"] for kind in ("Errors", "Warnings", "Infos", "Hints")]
-    assert found == [0, 0, 0, 0], issues["messages"]
+    counts = [issues[f"num{kind}"] for kind in ("Errors", "Warnings", "Infos", "Hints")]
+    assert counts == [0, 0, 0, 0], issues["messages"]
     off = np.linalg.norm(places - motion.vertices(body).reshape(-1, 3), axis=1)
     assert off.max() < farthest

@@ -19,14 +19,14 @@ PLACES = marker_places()
 @pytest.mark.parametrize("name", MARKER_FILES)
 def test_marker_formats_hold_the_same_markers(tmp_path: Path, name: str) -> None:
     MARKER_FILES[name](tmp_path / name)
-    found = read_markers(tmp_path / name)
+    markers = read_markers(tmp_path / name)
     exact = PLACES @ UP_TO_Y["z"].T / 1000
     rounding = 5.1e-5 if name == "integers.c3d" else 1e-7  # half of its scale, 0.1 mm
-    np.testing.assert_allclose(found.markers, exact, atol=rounding)
-    assert (found.labels, found.fps) == (LABELS, 100.0)
-    assert any("mm" in note for note in found.notes)
-    assert any(note.startswith("z is taken to be up") for note in found.notes)
-    assert ("2 measurements a frame of other devices are not read" in found.notes) == (
+    np.testing.assert_allclose(markers.markers, exact, atol=rounding)
+    assert (markers.labels, markers.fps) == (LABELS, 100.0)
+    assert any("mm" in note for note in markers.notes)
+    assert any(note.startswith("z is taken to be up") for note in markers.notes)
+    assert ("2 measurements a frame of other devices are not read" in markers.notes) == (
         name.endswith("c3d")
     )
 
@@ -40,23 +40,23 @@ def test_analog_samples_between_the_frames_are_passed_over(
     exact = np.round(PLACES / 0.0625) * 0.0625  # as floats and as whole numbers
     for channels in (0, 3):
         content = c3d_bytes(exact, LABELS, kind=kind, scale=scale, analog=12, channels=channels)
-        found = read_c3d(c3d_with(tmp_path, content))
-        np.testing.assert_array_equal(found.places, exact)
-        assert found.notes == ("12 measurements a frame of other devices are not read",)
-    found = read_c3d(c3d_with(tmp_path, content[:4] + b"\0\0" + content[6:]))
-    np.testing.assert_array_equal(found.places, exact)
-    assert found.notes[0] == "its header says 0 measurements of other devices, ANALOG 12"
+        markers = read_c3d(c3d_with(tmp_path, content))
+        np.testing.assert_array_equal(markers.places, exact)
+        assert markers.notes == ("12 measurements a frame of other devices are not read",)
+    markers = read_c3d(c3d_with(tmp_path, content[:4] + b"\0\0" + content[6:]))
+    np.testing.assert_array_equal(markers.places, exact)
+    assert markers.notes[0] == "its header says 0 measurements of other devices, ANALOG 12"
 
 
 def test_c3d_parameters_count_where_the_header_says_another_rate(tmp_path: Path) -> None:
-    found = read_c3d(c3d_with(tmp_path, c3d_bytes(PLACES, LABELS, rate=60.0)))
-    assert found.fps == 100.0
-    assert found.notes == ("its header says 60, and POINT:RATE 100, which counts",)
+    markers = read_c3d(c3d_with(tmp_path, c3d_bytes(PLACES, LABELS, rate=60.0)))
+    assert markers.fps == 100.0
+    assert markers.notes == ("its header says 60, and POINT:RATE 100, which counts",)
     content = c3d_bytes(PLACES, LABELS, scale=0.0625)
     wrong = content[:12] + c3d_bytes(PLACES, LABELS, scale=0.5)[12:16] + content[16:]
-    found = read_c3d(c3d_with(tmp_path, wrong))
-    np.testing.assert_allclose(found.places, PLACES, atol=0.032)
-    assert found.notes == ("its header says 0.5, and POINT:SCALE 0.0625, which counts",)
+    markers = read_c3d(c3d_with(tmp_path, wrong))
+    np.testing.assert_allclose(markers.places, PLACES, atol=0.032)
+    assert markers.notes == ("its header says 0.5, and POINT:SCALE 0.0625, which counts",)
 
 
 def c3d_with(tmp_path: Path, content: bytes) -> Path:
@@ -67,9 +67,9 @@ def c3d_with(tmp_path: Path, content: bytes) -> Path:
 
 def test_unnamed_points_get_numbers(tmp_path: Path) -> None:
     names = ("A", "", "A", "", "B", "C", "D", "E")
-    found = read_c3d(c3d_with(tmp_path, c3d_bytes(PLACES, names)))
-    assert found.labels == ("A", "point_1", "A_2", "point_3", "B", "C", "D", "E")
-    assert found.notes == ("3 of 8 points had no name or that of another, and got a number",)
+    markers = read_c3d(c3d_with(tmp_path, c3d_bytes(PLACES, names)))
+    assert markers.labels == ("A", "point_1", "A_2", "point_3", "B", "C", "D", "E")
+    assert markers.notes == ("3 of 8 points had no name or that of another, and got a number",)
 
 
 WHOLE = c3d_bytes(PLACES, LABELS)
@@ -95,9 +95,9 @@ def test_damaged_c3d_is_refused(tmp_path: Path) -> None:
 def test_trc_survives_its_file(tmp_path: Path) -> None:
     given = Trajectories(PLACES, LABELS, 120.0, "mm")
     write_trc(tmp_path / "walk.trc", given)
-    found = read_trc(tmp_path / "walk.trc")
-    np.testing.assert_allclose(found.places, PLACES, rtol=1e-8)
-    assert (found.labels, found.fps, found.unit, found.notes) == (LABELS, 120.0, "mm", ())
+    markers = read_trc(tmp_path / "walk.trc")
+    np.testing.assert_allclose(markers.places, PLACES, rtol=1e-8)
+    assert (markers.labels, markers.fps, markers.unit, markers.notes) == (LABELS, 120.0, "mm", ())
     for wrong in (
         Trajectories(PLACES, LABELS, None, "mm"),
         Trajectories(PLACES, LABELS, 1.0, None),
@@ -109,13 +109,13 @@ def test_trc_survives_its_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".trc", ".npz"])
 def test_markers_are_written_in_metres_with_y_up(tmp_path: Path, suffix: str) -> None:
     MARKER_FILES["floats.c3d"](tmp_path / "walk.c3d")
-    found = read_markers(tmp_path / "walk.c3d")
-    write_markers(tmp_path / f"out{suffix}", found)
+    markers = read_markers(tmp_path / "walk.c3d")
+    write_markers(tmp_path / f"out{suffix}", markers)
     again = read_markers(tmp_path / f"out{suffix}")
-    np.testing.assert_allclose(again.markers, found.markers, atol=1e-8)
+    np.testing.assert_allclose(again.markers, markers.markers, atol=1e-8)
     assert any(note.startswith("y is taken to be up") for note in again.notes)
     with pytest.raises(BadFile, match=r"are written as \.trc or \.npz"):
-        write_markers(tmp_path / "out.c3d", found)
+        write_markers(tmp_path / "out.c3d", markers)
 
 
 TEXT = trc_text(PLACES, LABELS)
@@ -156,10 +156,10 @@ VARIANTS = {
 @pytest.mark.parametrize("name", VARIANTS)
 def test_variants_of_trc_hold_the_same_markers(tmp_path: Path, name: str) -> None:
     (tmp_path / "walk.trc").write_bytes(VARIANTS[name](TEXT).encode())
-    found = read_trc(tmp_path / "walk.trc")
-    np.testing.assert_allclose(found.places, PLACES, atol=1e-5)  # mm, as it is written
-    assert (found.labels, found.fps, found.notes) == (LABELS, 100.0, ())
-    assert found.unit == (None if name == "no unit" else "mm")
+    markers = read_trc(tmp_path / "walk.trc")
+    np.testing.assert_allclose(markers.places, PLACES, atol=1e-5)  # mm, as it is written
+    assert (markers.labels, markers.fps, markers.notes) == (LABELS, 100.0, ())
+    assert markers.unit == (None if name == "no unit" else "mm")
 
 
 @pytest.mark.parametrize(
@@ -180,10 +180,10 @@ def test_doubtful_headers_of_trc_are_noted(
     tmp_path: Path, change: tuple[str, str], fps: float, said: str | None
 ) -> None:
     (tmp_path / "walk.trc").write_text(TEXT.replace(*change))
-    found = read_trc(tmp_path / "walk.trc")
-    np.testing.assert_allclose(found.places, PLACES, atol=1e-5)
-    assert found.fps == pytest.approx(fps)
-    assert found.notes == ((said,) if said else ())
+    markers = read_trc(tmp_path / "walk.trc")
+    np.testing.assert_allclose(markers.places, PLACES, atol=1e-5)
+    assert markers.fps == pytest.approx(fps)
+    assert markers.notes == ((said,) if said else ())
 
 
 def test_tables_of_labels_rename_and_leave_out(tmp_path: Path) -> None:
@@ -192,11 +192,11 @@ def test_tables_of_labels_rename_and_leave_out(tmp_path: Path) -> None:
     for mark in ",;\t":
         lines = ["\ufefflabel,marker", f"{first},Top", "", f' {second} ,""', "ELSE,RHEE"]
         table.write_text("\n".join(lines).replace(",", mark))
-        found = read_markers(tmp_path / "walk.trc", labels=table)
-        assert found.labels == ("Top", *kept)
+        markers = read_markers(tmp_path / "walk.trc", labels=table)
+        assert markers.labels == ("Top", *kept)
         exact = (PLACES @ UP_TO_Y["z"].T / 1000)[:, [0, *range(2, 8)]]
-        np.testing.assert_allclose(found.markers, exact, atol=1e-8)
-        assert found.notes[-1] == "map.csv names ELSE, which the file does not have"
+        np.testing.assert_allclose(markers.markers, exact, atol=1e-8)
+        assert markers.notes[-1] == "map.csv names ELSE, which the file does not have"
     for wrong, said in [
         ("", "it names none, and the file has LFHD"),
         ("ELSE,RHEE", "it names ELSE, and the file has LFHD"),

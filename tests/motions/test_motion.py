@@ -81,12 +81,14 @@ def test_slices_keep_frames_and_time() -> None:
 @pytest.mark.parametrize("fps", [7.0, 25.0])
 def test_constant_turns_are_resampled_exactly(fps: float) -> None:
     """Slerp is the exact answer for it, also where rotation vectors jump from pi to -pi."""
-    found, T = spinning(5.0, 10.0, 21).resampled(fps), int(2 * fps) + 1
+    resampled, T = spinning(5.0, 10.0, 21).resampled(fps), int(2 * fps) + 1
     exact = spinning(5.0, fps, T)
-    assert len(found) == T
-    apart = Rotation.from_rotvec(found.pose[:, 0]).inv() * Rotation.from_rotvec(exact.pose[:, 0])
+    assert len(resampled) == T
+    apart = Rotation.from_rotvec(resampled.pose[:, 0]).inv() * Rotation.from_rotvec(
+        exact.pose[:, 0]
+    )
     assert apart.magnitude().max() < 1e-12
-    np.testing.assert_allclose(found.trans, exact.trans, atol=1e-12)
+    np.testing.assert_allclose(resampled.trans, exact.trans, atol=1e-12)
 
 
 def test_resampling_there_and_back_is_identity() -> None:
@@ -173,8 +175,8 @@ def test_gaps_are_filled_between_frames() -> None:
     pose, trans = motion.pose.copy(), motion.trans.copy()
     pose[[0, 4, 5, 11]] = np.nan
     trans[6] = np.nan
-    found, lines, said = without_gaps(pose, {"trans": trans})
-    np.testing.assert_allclose(found, motion.pose[1:11], atol=1e-12)
+    filled, lines, said = without_gaps(pose, {"trans": trans})
+    np.testing.assert_allclose(filled, motion.pose[1:11], atol=1e-12)
     np.testing.assert_allclose(lines["trans"], motion.trans[1:11], atol=1e-12)
     assert said == (
         "3 of 12 frames were not found, and are interpolated",
@@ -209,15 +211,15 @@ def recording(path: Path, **changed: Any) -> Path:
 
 def test_recordings_are_cut_at_bad_frames(tmp_path: Path) -> None:
     path = recording(tmp_path / "mocap.npz")
-    found = recorded_motions(path)
-    assert [motion.origin for motion in found] == [
+    motions = recorded_motions(path)
+    assert [motion.origin for motion in motions] == [
         "walk, frames 0 to 2",
         "run, frames 0 to 1",
         "run, frames 5 to 6",
     ]
     with np.load(path) as arrays:
-        np.testing.assert_array_equal(found[1].pose.reshape(2, 72), arrays["poses"][5:7])
-    assert found[0].fps == 10
+        np.testing.assert_array_equal(motions[1].pose.reshape(2, 72), arrays["poses"][5:7])
+    assert motions[0].fps == 10
     for wrong in ({"fps": np.array(0.0)}, {"poses": np.zeros((12, 71))}):
         with pytest.raises(BadFile, match="is no recording in the layout described"):
             recorded_motions(recording(tmp_path / "mocap.npz", **wrong))

@@ -43,11 +43,11 @@ def test_older_layout_is_turned_about_the_root(tmp_path: Path) -> None:
     """Trans differs by (R - I) J_0, so that the body has to be known."""
     motion = walk()
     path = saved(tmp_path, with_z_up(motion))
-    found = read_motion(path, body=SMALL)
-    np.testing.assert_allclose(found.vertices(SMALL), motion.vertices(SMALL), atol=1e-12)
-    assert found.fps == motion.fps
-    assert found.joint_names == SMALL.joint_names
-    said = " ".join(found.notes)
+    read = read_motion(path, body=SMALL)
+    np.testing.assert_allclose(read.vertices(SMALL), motion.vertices(SMALL), atol=1e-12)
+    assert read.fps == motion.fps
+    assert read.joint_names == SMALL.joint_names
+    said = " ".join(read.notes)
     assert "made for SMPL of the gender female" in said
     assert "z is taken to be up, along which the root's own y axis points" in said
     alone = read_motion(path)
@@ -62,21 +62,21 @@ def test_results_of_others_are_read(name: str, tmp_path: Path) -> None:
     file, make, expected = made_results.RESULTS[name]
     true = made_results.truth()
     make(tmp_path / file, true)
-    found = read_motion(tmp_path / file, body=SMALL, person=expected.get("person"))
-    assert len(found.joint_names) == expected.get("K", 24)
-    assert found.fps == expected.get("fps", 30.0)
-    assert found.gender == expected.get("gender", "")
-    assert expected.get("said", "") in " | ".join(found.notes)
-    if found.betas.size:
-        np.testing.assert_allclose(found.betas, true.betas, atol=1e-6)
+    motion = read_motion(tmp_path / file, body=SMALL, person=expected.get("person"))
+    assert len(motion.joint_names) == expected.get("K", 24)
+    assert motion.fps == expected.get("fps", 30.0)
+    assert motion.gender == expected.get("gender", "")
+    assert expected.get("said", "") in " | ".join(motion.notes)
+    if motion.betas.size:
+        np.testing.assert_allclose(motion.betas, true.betas, atol=1e-6)
     if expected.get("still"):
         true = replace(true, trans=0 * true.trans)
-    shared = [name for name in found.joint_names if name in made_results.NAMES]
-    there, here = (made_results.rotations(one, shared) for one in (true, found))
+    shared = [name for name in motion.joint_names if name in made_results.NAMES]
+    there, here = (made_results.rotations(one, shared) for one in (true, motion))
     seen = np.arange(len(true)) != expected.get("gap", -1)
     assert len(shared) >= 22
     np.testing.assert_allclose(here[seen], there[seen], atol=1e-6)
-    np.testing.assert_allclose(found.trans[seen], true.trans[seen], atol=1e-6)
+    np.testing.assert_allclose(motion.trans[seen], true.trans[seen], atol=1e-6)
 
 
 def test_newer_layout_is_read_whole_and_in_parts(tmp_path: Path) -> None:
@@ -108,15 +108,15 @@ def test_motion_survives_its_file(tmp_path: Path) -> None:
         ("a sentence",),
     )
     save_motion(tmp_path / "walk.npz", motion)
-    found = read_motion(tmp_path / "walk.npz")
-    assert found.notes == motion.notes
+    read = read_motion(tmp_path / "walk.npz")
+    assert read.notes == motion.notes
     for name in ("pose", "trans", "betas", "expression"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(motion, name))
-    assert (found.fps, found.joint_names) == (59.94, ("hips", "chest"))
-    assert (found.origin, found.notes) == ("made up", ("a sentence",))
-    assert found.bones is not None
-    np.testing.assert_array_equal(found.joints(), motion.joints())
-    np.testing.assert_array_equal(found.bones.end_offsets, bones.end_offsets)
+        np.testing.assert_array_equal(getattr(read, name), getattr(motion, name))
+    assert (read.fps, read.joint_names) == (59.94, ("hips", "chest"))
+    assert (read.origin, read.notes) == ("made up", ("a sentence",))
+    assert read.bones is not None
+    np.testing.assert_array_equal(read.joints(), motion.joints())
+    np.testing.assert_array_equal(read.bones.end_offsets, bones.end_offsets)
     many = random_motion(66, [f"joint{k}" for k in range(66)])  # 198 numbers, as of 22 matrices
     save_motion(tmp_path / "many.npz", many)
     np.testing.assert_array_equal(read_motion(tmp_path / "many.npz").pose, many.pose)
@@ -176,24 +176,24 @@ def test_saved_motions_move_models_of_smplx(
 def test_facts_survive_saving(tmp_path: Path) -> None:
     entries = amass_entries(walk())
     entries["dmpls"][:] = np.random.default_rng(1).normal(0, 1, (6, 8))
-    found = read_motion(saved(tmp_path, entries))
-    save_motion(tmp_path / "again.npz", found.resampled(5.0)[:3].named(SMALL))
+    motion = read_motion(saved(tmp_path, entries))
+    save_motion(tmp_path / "again.npz", motion.resampled(5.0)[:3].named(SMALL))
     again = read_motion(tmp_path / "again.npz")
-    assert (found.gender, again.gender) == ("female", "female")
-    assert found.dmpls is not None
+    assert (motion.gender, again.gender) == ("female", "female")
+    assert motion.dmpls is not None
     assert again.dmpls is not None
-    np.testing.assert_array_equal(found.dmpls, entries["dmpls"])
-    np.testing.assert_array_equal(again.dmpls, found.resampled(5.0).dmpls[:3])  # type: ignore[index]
+    np.testing.assert_array_equal(motion.dmpls, entries["dmpls"])
+    np.testing.assert_array_equal(again.dmpls, motion.resampled(5.0).dmpls[:3])  # type: ignore[index]
 
 
 def test_frames_of_nan_are_filled(tmp_path: Path) -> None:
     entries = amass_entries(walk())
     entries["poses"][2, 5] = np.nan
     entries["trans"][0] = np.nan
-    found = read_motion(saved(tmp_path, entries))
-    assert len(found) == len(walk()) - 1
-    assert "1 of 6 frames were not found, and are interpolated" in found.notes
-    assert "1 of 6 frames at the ends were not found, and are left out" in found.notes
+    motion = read_motion(saved(tmp_path, entries))
+    assert len(motion) == len(walk()) - 1
+    assert "1 of 6 frames were not found, and are interpolated" in motion.notes
+    assert "1 of 6 frames at the ends were not found, and are left out" in motion.notes
 
 
 def without(name: str) -> dict[str, Any]:
@@ -221,6 +221,10 @@ def test_damaged_motions_are_refused(tmp_path: Path) -> None:
         (
             newer_entries(random_motion(55, XNAMES)) | {"pose_body": np.ones((6, 63))},
             "poses and pose_body say different things",
+        ),
+        *(
+            (OLD | {"smpl_scaling": np.array([scale])}, "smpl_scaling is .*, and trans can only be")
+            for scale in (0.0, -1.0, np.inf)
         ),
         (OLD | {"joint_names": np.array(["a", "a"])}, "poses has 24 joints, and joint_names 2"),
     ]:
@@ -277,12 +281,12 @@ def test_rotations_in_degrees_are_noted(tmp_path: Path) -> None:
 
 def test_rate_and_axis_can_be_given(tmp_path: Path) -> None:
     path = saved(tmp_path, without("mocap_framerate"))
-    found = read_motion(path, fps=12.0, up="y")
-    assert found.fps == 12.0
+    motion = read_motion(path, fps=12.0, up="y")
+    assert motion.fps == 12.0
     assert read_motion(path, unit="cm", up="y").trans[1, 0] == pytest.approx(
         OLD["trans"][1, 0] / 100
     )
-    np.testing.assert_array_equal(found.trans, OLD["trans"])
+    np.testing.assert_array_equal(motion.trans, OLD["trans"])
     with pytest.raises(BadFile, match=r"that ends in \.bvh, \.glb"):
         read_motion(tmp_path / "walk.fbx")
     with pytest.raises(BadFile, match=r"there is no file .*walk2\.npz"):

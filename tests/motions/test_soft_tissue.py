@@ -112,10 +112,10 @@ def test_fit_finds_coefficients_of_tissue_with_the_shape_that_decides_their_gain
     points = with_tissue(SMALL, tissue).points(pose, own, trans)
     whole = wb.residuals.vertices(points, seen, sigma=0.002)
     problem = wb.Problem([whole], ("pose", "betas", "trans", "tissue"), blocks=[block])
-    found = wb.solve(problem, SMALL.start() | {"tissue": np.zeros(2)})
+    solution = wb.solve(problem, SMALL.start() | {"tissue": np.zeros(2)})
     for name, value in truth.items():
-        np.testing.assert_allclose(found.values[name], value, atol=1e-8, err_msg=name)
-    assert wb.diagnose(problem, found.values).rank == problem.free.size
+        np.testing.assert_allclose(solution.values[name], value, atol=1e-8, err_msg=name)
+    assert wb.diagnose(problem, solution.values).rank == problem.free.size
 
 
 def test_tissue_survives_its_file(tmp_path: Path) -> None:
@@ -210,8 +210,8 @@ def test_dmpls_move_the_surface_and_its_joints(tmp_path: Path) -> None:
     last = wb.residuals.vertices(points, moving.vertices(body)[2], sigma=0.002)
     problem = wb.Problem([last], ("dmpls",), blocks=[dmpls])
     known = {"pose": here.pose[2], "betas": np.pad(here.betas, (0, 8)), "trans": here.trans[2]}
-    found = wb.solve(problem, known | {"dmpls": np.zeros(8)})
-    np.testing.assert_allclose(found.values["dmpls"], phi[2], atol=1e-9)
+    solution = wb.solve(problem, known | {"dmpls": np.zeros(8)})
+    np.testing.assert_allclose(solution.values["dmpls"], phi[2], atol=1e-9)
     other = replace(SMALL, template=SMALL.template, name="again")
     np.testing.assert_array_equal(moving.vertices(other), here.vertices(SMALL))
     with pytest.raises(BadFile, match="vertices, and the body has"):

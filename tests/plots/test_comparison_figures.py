@@ -11,7 +11,7 @@ from tests.tiers import few
 from workbench.comparison import Comparison
 from workbench.plots.comparison import (
     EFFORT,
-    LOWEST,
+    LEAST_DRAWN,
     caption_cost_traces,
     caption_data_profile,
     caption_performance_profile,
@@ -65,7 +65,7 @@ def test_cost_traces_begin_at_the_first_point_and_never_rise(found: Comparison, 
     plot_cost_traces(found, "p", ax=ax, against=EFFORT)
     y = np.asarray(ax.get_lines()[0].get_ydata(), dtype=float)
     assert y[0] == pytest.approx(0.5)
-    assert y[-1] == LOWEST
+    assert y[-1] == LEAST_DRAWN
     assert (np.diff(y) <= 0).all()
     assert "one run of each solver" in caption_cost_traces(found, "p")
 

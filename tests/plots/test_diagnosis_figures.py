@@ -28,7 +28,7 @@ from workbench.plots import (
 from workbench.plots.diagnosis import PIXELS, squeezed
 from workbench.plots.palette import VERMILLION
 from workbench.plots.posterior import traces_sheet
-from workbench.plots.style import drawn
+from workbench.plots.style import figure_of
 
 pytestmark = pytest.mark.browser
 
@@ -85,7 +85,8 @@ def test_ranking_draws_every_candidate() -> None:
     assert labels == [one.name for one in design.ranking]
     drawn = {line.get_label(): np.sort(line.get_xdata()) for line in ax.get_lines()}
     np.testing.assert_allclose(
-        drawn["chosen"], np.sort([one.sd for one in design.ranking if one.name in design.chosen])
+        drawn["chosen"],
+        np.sort([one.sd for one in design.ranking if one.name in design.chosen]),
     )
     assert len(drawn["not chosen"]) == 3
     assert drawn["before"][0] == design.before.sd
@@ -138,13 +139,13 @@ def test_large_pattern_is_squeezed_and_says_so() -> None:
     diagnosis = linear(np.eye(3)[np.arange(2003) % 3], (2000, 3))
     assert "Several rows share a line" in caption_sparsity(diagnosis)
     assert "taller than to scale" in caption_sparsity(diagnosis)
-    assert png(drawn(partial(plot_sparsity, diagnosis), 8, 5.4)).startswith(b"\x89PNG")
+    assert png(figure_of(partial(plot_sparsity, diagnosis), 8, 5.4)).startswith(b"\x89PNG")
 
 
 def test_singular_values_are_drawn_beside_the_rank() -> None:
     diagnosis = linear(np.diag([100.0, 1.0, 1e-3, 0.0]), (4,))
     assert diagnosis.rank == 3
-    figure = drawn(partial(plot_singular_values, diagnosis), 8, 4.2)
+    figure = figure_of(partial(plot_singular_values, diagnosis), 8, 4.2)
     (ax,) = figure.get_axes()
     seen, hidden = ax.get_lines()[:2]
     np.testing.assert_array_equal(seen.get_xdata(), [1, 2, 3])
@@ -163,5 +164,5 @@ def test_jacobian_of_zeros_can_be_drawn() -> None:
     x = Block("x", (3,)).symbol
     diagnosis = diagnose(Problem([Residual("squares", x**2, 1.0)], ("x",)), {"x": np.zeros(3)})
     assert diagnosis.rank == 0
-    assert png(drawn(partial(plot_singular_values, diagnosis), 8, 4.2)).startswith(b"\x89PNG")
+    assert png(figure_of(partial(plot_singular_values, diagnosis), 8, 4.2)).startswith(b"\x89PNG")
     assert "0 of 3" in caption_singular_values(diagnosis)

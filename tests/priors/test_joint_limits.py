@@ -110,13 +110,13 @@ def test_limits_keep_knees_from_bending_backwards() -> None:
         residuals.gaussian(symbols[0], covariance=1.0),
     )
     start = BODY.start() | {"observed": BODY.joints(pose=backwards)}
-    found = {}
+    poses = {}
     for limits in (None, {"pose": joint_limits().bounds(POSE)}):
         solution = LevenbergMarquardt().solve(Problem(terms, ("pose",), limits), start)
         assert solution.converged
-        found[limits is None] = solution.values["pose"][NAMES.index("left_knee"), 0]
-    assert found[True] < -0.4
-    assert found[False] >= 0
+        poses[limits is None] = solution.values["pose"][NAMES.index("left_knee"), 0]
+    assert poses[True] < -0.4
+    assert poses[False] >= 0
 
 
 HAND, LEFT = load_skinned("hand"), load_skinned("hand-left")

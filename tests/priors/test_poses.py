@@ -135,21 +135,21 @@ def two_habits(n: int = 400) -> PoseRecording:
 
 
 def test_mixture_tells_two_habits_apart() -> None:
-    found = learn_pose_mixture(two_habits(), components=2)
-    np.testing.assert_allclose(np.sort(found.shares), [0.25, 0.75], atol=1e-6)
-    np.testing.assert_allclose(np.sort(found.means[:, 6]), [-1, 1], atol=0.05)
-    drawn = found.draw(500, np.random.default_rng(0))[:, 3, 0]
+    mixture = learn_pose_mixture(two_habits(), components=2)
+    np.testing.assert_allclose(np.sort(mixture.shares), [0.25, 0.75], atol=1e-6)
+    np.testing.assert_allclose(np.sort(mixture.means[:, 6]), [-1, 1], atol=0.05)
+    drawn = mixture.draw(500, np.random.default_rng(0))[:, 3, 0]
     assert (np.abs(np.abs(drawn) - 1) < 0.6).all()
     assert ((drawn > 0).mean()) == pytest.approx(0.25, abs=0.06)
 
 
 def test_mixture_density_is_that_of_scipy() -> None:
-    found = learn_pose_mixture(two_habits(), components=2)
+    mixture = learn_pose_mixture(two_habits(), components=2)
     at = two_habits().poses[:5, 1:].reshape(5, -1)
     for c in range(2):
-        expected = multivariate_normal(found.means[c], found.covariances[c]).logpdf(at)
-        expected += np.log(found.shares[c])
-        np.testing.assert_allclose(found.log_density(at)[:, c], expected, rtol=1e-9)
+        expected = multivariate_normal(mixture.means[c], mixture.covariances[c]).logpdf(at)
+        expected += np.log(mixture.shares[c])
+        np.testing.assert_allclose(mixture.log_density(at)[:, c], expected, rtol=1e-9)
 
 
 def test_shipped_mixture_draws_poses_and_comes_back(tmp_path: Path) -> None:

@@ -71,14 +71,14 @@ def values(count: int, seed: int = 0) -> wb.Values:
     }
 
 
-def of_frame(whole: wb.Problem, given: wb.Values, t: int) -> wb.Values:
+def of_frame(whole: wb.Problem, values: wb.Values, t: int) -> wb.Values:
     """The values of one frame."""
     framed = {name for name, block in whole.known.items() if block.framed}
-    return {name: value[t] if name in framed else value for name, value in given.items()}
+    return {name: value[t] if name in framed else value for name, value in values.items()}
 
 
 def frame_by_frame(
-    whole: wb.Problem, each: Sequence[wb.Problem], given: wb.Values, once: Sequence[str] = ()
+    whole: wb.Problem, each: Sequence[wb.Problem], values: wb.Values, once: Sequence[str] = ()
 ) -> tuple[Array, Array, Array]:
     """The rows that residuals of frames have, whitened, and their Jacobian by the whole graph of
     every frame alone; and which rows these are. Residuals named in `once` are taken once.
@@ -87,7 +87,7 @@ def frame_by_frame(
     known = np.zeros(whole.size, dtype=bool)
     first = {name: rows.start for name, rows in whole.rows.items()}
     for t, problem in enumerate(each):
-        own, derivative = problem.derivative(*problem.split(of_frame(whole, given, t)))
+        own, derivative = problem.derivative(*problem.split(of_frame(whole, values, t)))
         columns, places = [], []
         for block in problem.free.blocks:
             start = t * block.base.size if whole.known[block.name].framed else 0
@@ -107,9 +107,9 @@ def frame_by_frame(
     return r, J, known
 
 
-def assert_numbers(problem: wb.Problem, given: wb.Values) -> wb.Linearization:
+def assert_numbers(problem: wb.Problem, values: wb.Values) -> wb.Linearization:
     """Every number that the problem gives is that of its whole graph."""
-    x, fixed = problem.split(given)
+    x, fixed = problem.split(values)
     r, J = (np.asarray(part) for part in problem.derivative(x, fixed))
     r = r.ravel()
     np.testing.assert_allclose(np.asarray(problem.function(x, fixed)).ravel(), r, atol=1e-12)
@@ -140,7 +140,7 @@ def assert_numbers(problem: wb.Problem, given: wb.Values) -> wb.Linearization:
 def in_blocks_of_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the Jacobian of every sequence stored by blocks, however small."""
     monkeypatch.setattr(frame_chains, "is_sparse", lambda *_: True)
-    monkeypatch.setattr(frame_chains, "WORTH", 10**9)
+    monkeypatch.setattr(frame_chains, "BAND_PER_ENTRY", 10**9)
 
 
 def both_storages(

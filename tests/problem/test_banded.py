@@ -42,9 +42,9 @@ def banded(order: BandOrder, seed: int = 0) -> tuple[BandedMatrix, Array]:
     corner = rng.standard_normal((len(order.border), len(order.border)))
     A[np.ix_(order.border, order.border)] = corner + corner.T
     A += np.diag(np.abs(A).sum(axis=1) + rng.uniform(1, 2, n))
-    found = BandedMatrix.zeros(order)
-    found.add_sparse(csc_array(A))
-    return found, A
+    matrix = BandedMatrix.zeros(order)
+    matrix.add_sparse(csc_array(A))
+    return matrix, A
 
 
 ORDERS = {
@@ -71,22 +71,22 @@ EACH = pytest.mark.parametrize(
 
 
 @EACH
-def test_banded_matrix_is_the_dense_matrix(order: BandOrder) -> None:
-    found, A = banded(order)
+def test_factorizedmatrix_is_the_dense_matrix(order: BandOrder) -> None:
+    matrix, A = banded(order)
     x = np.random.default_rng(1).standard_normal(order.size)
-    np.testing.assert_allclose(storage.dense(found), A, atol=1e-14)
-    np.testing.assert_allclose(found.sparse.toarray(), A, atol=1e-14)
-    np.testing.assert_allclose(found @ x, A @ x, atol=1e-12)
-    np.testing.assert_allclose(x @ found, A @ x, atol=1e-12)
-    np.testing.assert_allclose(found.diagonal(), np.diag(A), atol=1e-14)
+    np.testing.assert_allclose(storage.dense(matrix), A, atol=1e-14)
+    np.testing.assert_allclose(matrix.sparse.toarray(), A, atol=1e-14)
+    np.testing.assert_allclose(matrix @ x, A @ x, atol=1e-12)
+    np.testing.assert_allclose(x @ matrix, A @ x, atol=1e-12)
+    np.testing.assert_allclose(matrix.diagonal(), np.diag(A), atol=1e-14)
 
 
 @EACH
-def test_banded_factor_solves_as_the_dense_one(order: BandOrder) -> None:
-    found, A = banded(order)
+def test_factorizedfactor_solves_as_the_dense_one(order: BandOrder) -> None:
+    matrix, A = banded(order)
     rng = np.random.default_rng(1)
     b, B = rng.standard_normal(order.size), rng.standard_normal((order.size, 3))
-    factor = found.factorized()
+    factor = matrix.factorized()
     assert factor is not None
     np.testing.assert_allclose(factor.solve(b), np.linalg.solve(A, b), atol=1e-12)
     np.testing.assert_allclose(factor.solve(B), np.linalg.solve(A, B), atol=1e-12)
@@ -97,9 +97,9 @@ def test_indefinite_matrices_have_no_factor(order: BandOrder) -> None:
     _, A = banded(order)
 
     def factor(matrix: Array) -> object:
-        found = BandedMatrix.zeros(order)
-        found.add_sparse(csc_array(matrix))
-        return found.factorized()
+        stored = BandedMatrix.zeros(order)
+        stored.add_sparse(csc_array(matrix))
+        return stored.factorized()
 
     assert factor(A) is not None
     for i in range(order.size):

@@ -195,10 +195,10 @@ def test_solution_has_whole_blocks(name: str) -> None:
     part, values = problem(("trans", "pose[pelvis]")), start()
     solution = wb.solve(part, values, solver=SOLVERS[name])
     assert set(solution.values) == {"trans", "pose"}
-    found = solution.values["pose"]
-    assert found.shape == (24, 3)
-    np.testing.assert_array_equal(found[1:], values["pose"][1:])
-    assert (found[0] != values["pose"][0]).all()
+    pose = solution.values["pose"]
+    assert pose.shape == (24, 3)
+    np.testing.assert_array_equal(pose[1:], values["pose"][1:])
+    assert (pose[0] != values["pose"][0]).all()
     assert solution.cost < part.linearize(values).cost
     assert solution.trace[-1].values["pose"].shape == (24, 3)
     again = part.linearize(values | solution.values)

@@ -54,7 +54,7 @@ def test_jacobian_of_a_residuals_graph(build: Callable[[], Case]) -> None:
     x = near(case, asked, 0)
     for block in blocks:
         J = cs.jacobian(graph, block.symbol)
-        found = numbers(J, blocks, asked.free.unpack(x))
+        J_numbers = numbers(J, blocks, asked.free.unpack(x))
         at = asked.free.slices[block.name]
         for column, i in enumerate(range(at.start, at.stop)):
             step = np.zeros(x.size)
@@ -65,16 +65,16 @@ def test_jacobian_of_a_residuals_graph(build: Callable[[], Case]) -> None:
             slope = (after - before) / (2 * step[i])
             # of central differences: a third derivative's 1e-10, and eps / 1e-5 of the row's size
             size = 1 + np.abs(after) + np.abs(slope)
-            np.testing.assert_allclose(found[:, column] / size, slope / size, atol=3e-8)
+            np.testing.assert_allclose(J_numbers[:, column] / size, slope / size, atol=3e-8)
 
 
 @DIRECTIONS
 def test_jacobian_of_a_problems_graph(options: dict) -> None:
     asked, values = problem(), somewhere()
     for block in BLOCKS:
-        found = numbers(cs.jacobian(asked.graph(), block.symbol, options), BLOCKS, values)
+        J_numbers = numbers(cs.jacobian(asked.graph(), block.symbol, options), BLOCKS, values)
         expected = asked.freeing(block.name).linearize(values).jacobian
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+        np.testing.assert_allclose(J_numbers, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 @DIRECTIONS
@@ -87,8 +87,8 @@ def test_broadcast_scalars_keep_their_derivatives(options: dict) -> None:
     values = {"x": np.linspace(0.1, 0.9, 30), "shift": np.array(0.3)}
     for block in (x, shift):
         right = numbers(cs.jacobian(expression, block.symbol, FORWARDS), (x, shift), values)
-        found = numbers(cs.jacobian(graph, block.symbol, options), (x, shift), values)
-        np.testing.assert_allclose(found, right, atol=1e-13)
+        J_numbers = numbers(cs.jacobian(graph, block.symbol, options), (x, shift), values)
+        np.testing.assert_allclose(J_numbers, right, atol=1e-13)
     same = numbers(graph, (x, shift), values)
     np.testing.assert_array_equal(same, numbers(expression, (x, shift), values))
 
@@ -112,8 +112,8 @@ def test_jacobian_of_placeholders_is_refused() -> None:
     assert wb.jacobian(residual.graph(), wb.Block("other", (2,))).nnz() == 0  # it reads none
     bare = cs.sin(SYMBOLS[1]) + SYMBOLS[1][0]
     right = numbers(cs.jacobian(bare, SYMBOLS[1], FORWARDS), BLOCKS, somewhere())
-    found = numbers(wb.jacobian(bare, SYMBOLS[1]), BLOCKS, somewhere())
-    np.testing.assert_array_equal(found, right)
+    J_numbers = numbers(wb.jacobian(bare, SYMBOLS[1]), BLOCKS, somewhere())
+    np.testing.assert_array_equal(J_numbers, right)
 
 
 def test_sx_symbols_are_refused_but_graphs_take_them() -> None:
@@ -123,10 +123,10 @@ def test_sx_symbols_are_refused_but_graphs_take_them() -> None:
             ask(*scalars)
     pose, betas, trans = SYMBOLS
     points = BODY.points(pose, betas, trans)
-    found = cs.Function("f", [pose, betas, trans], [points.graph()])(*scalars)
-    assert isinstance(found, cs.SX)
+    expression = cs.Function("f", [pose, betas, trans], [points.graph()])(*scalars)
+    assert isinstance(expression, cs.SX)
     values = somewhere()
-    at = cs.Function("at", scalars, [found, cs.jacobian(cs.vec(found), scalars[0])])
+    at = cs.Function("at", scalars, [expression, cs.jacobian(cs.vec(expression), scalars[0])])
     vertices, J = at(*(values[block.name].T for block in BLOCKS))
     np.testing.assert_allclose(np.asarray(vertices).T, BODY.vertices(*values.values()), atol=1e-12)
     expected = numbers(cs.jacobian(cs.vec(points.graph()), pose), BLOCKS, values)

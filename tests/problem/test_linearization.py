@@ -91,9 +91,9 @@ def test_rank_is_scale_invariant() -> None:
 def test_covariance_of_a_linear_problem_is_analytic() -> None:
     x, sigma = Block("x", (4,)).symbol, RNG.uniform(0.1, 2, 10)
     problem = Problem((Residual("fit", A @ x - B, sigma),), ("x",))
-    found = problem.linearize({"x": np.zeros(4)}).covariance
+    covariance = problem.linearize({"x": np.zeros(4)}).covariance
     analytic = np.linalg.inv(A.T @ np.diag(sigma**-2) @ A)
-    np.testing.assert_allclose(found, analytic, rtol=1e-11, atol=1e-14)
+    np.testing.assert_allclose(covariance, analytic, rtol=1e-11, atol=1e-14)
 
 
 def test_undetermined_unknowns_have_infinite_variance() -> None:
@@ -111,8 +111,8 @@ def test_covariance_is_equivariant_under_units() -> None:
     """A parameter of size 1e-12 is no unseen one: columns count by their angles alone."""
     for units in [1e-12, 1e9]:
         D = np.array([units, 1.0, 1.0 / units, 1.0])
-        found = Linearization(B, A * D).covariance
-        np.testing.assert_allclose(found, np.linalg.inv(A.T @ A) / np.outer(D, D), rtol=1e-10)
+        covariance = Linearization(B, A * D).covariance
+        np.testing.assert_allclose(covariance, np.linalg.inv(A.T @ A) / np.outer(D, D), rtol=1e-10)
         dependent = np.column_stack([A * D, A[:, 0] + A[:, 1]])
         C = Linearization(B, dependent).covariance
         assert (np.diag(C)[[0, 1, 4]] == np.inf).all()
@@ -285,16 +285,16 @@ def random_jacobian(m: int = ROWS, n: int = COLUMNS) -> np.ndarray:
 def test_compiled_normal_equations_match_blas() -> None:
     for m, n in [(ROWS, COLUMNS), (1000, 169)]:
         J, r = random_jacobian(m, n), np.random.default_rng(1).standard_normal(m)
-        found = normal_equations(J, r)
-        assert found is not None
+        products = normal_equations(J, r)
+        assert products is not None
         lengths = np.linalg.norm(J, axis=0)
-        error = np.abs(found[0] - J.T @ J) / np.maximum(np.outer(lengths, lengths), 1e-300)
+        error = np.abs(products[0] - J.T @ J) / np.maximum(np.outer(lengths, lengths), 1e-300)
         assert error.max() < 1e-14
-        np.testing.assert_array_equal(found[0], found[0].T)
-        assert (np.abs(found[1] - J.T @ r) <= 1e-14 * lengths * np.linalg.norm(r)).all()
+        np.testing.assert_array_equal(products[0], products[0].T)
+        assert (np.abs(products[1] - J.T @ r) <= 1e-14 * lengths * np.linalg.norm(r)).all()
         again = normal_equations(J, r)
         assert again is not None
-        np.testing.assert_array_equal(again[0], found[0])  # memory that is used again was cleared
+        np.testing.assert_array_equal(again[0], products[0])  # memory is used again
 
 
 @NEEDS_A_COMPILER
@@ -302,9 +302,9 @@ def test_compiled_normal_equations_keep_nonfinite_numbers() -> None:
     J, r = random_jacobian(), np.zeros(ROWS)
     J[4000, 5], J[17, 4] = np.nan, np.inf
     J[100:, 6], J[ROWS - 1, 6] = 0.0, -0.0
-    found = normal_equations(J, r)
-    assert found is not None
-    assert np.isnan(found[0][5]).any()
-    assert np.isnan(found[1][5])  # beside a residual of zero
-    assert found[0][4, 4] == np.inf
-    assert np.isfinite(found[0][7, 7])
+    products = normal_equations(J, r)
+    assert products is not None
+    assert np.isnan(products[0][5]).any()
+    assert np.isnan(products[1][5])  # beside a residual of zero
+    assert products[0][4, 4] == np.inf
+    assert np.isfinite(products[0][7, 7])

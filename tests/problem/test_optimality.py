@@ -10,7 +10,7 @@ from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
 from workbench.problem import storage
-from workbench.problem.graph import SUMS, term_sizes
+from workbench.problem.graph import RANDOM_SUMS, term_sizes
 from workbench.problem.optimality import (
     LinearLimits,
     Rounding,
@@ -41,9 +41,9 @@ def test_sizes_of_terms_are_those_that_cancel() -> None:
     J = cs.Function("J", [x, h], [cs.jacobian(rows, x), cs.jacobian(rows, h)])
     parts = zip(J(at, fixed), (at, fixed), strict=True)
     sizes = np.sqrt(sum(((np.array(by) * numbers) ** 2).sum(axis=1) for by, numbers in parts))
-    found = problem._chain.term_sizes(at, problem.split({"x": at, "h": fixed})[1])
-    assert found[2] == sizes[2] == 0.0
-    ratios = np.delete(found, 2) / np.delete(sizes, 2)
+    estimates = problem._chain.term_sizes(at, problem.split({"x": at, "h": fixed})[1])
+    assert estimates[2] == sizes[2] == 0.0
+    ratios = np.delete(estimates, 2) / np.delete(sizes, 2)
     assert (ratios > 0.3).all()
     assert (ratios < 3.0).all()
 
@@ -52,8 +52,8 @@ def test_sizes_of_terms_neither_overflow_nor_vanish() -> None:
     for factor, at in ((1e155, 1.0), (1e-200, 1e200), (1e200, 0.0)):
         x = Block("x").symbol
         size = cs.Function("size", [x], [term_sizes(factor * x, [x])])(at)
-        weights = np.random.default_rng(0).standard_normal(SUMS)
-        mean = abs(weights).sum() / np.sqrt(SUMS)
+        weights = np.random.default_rng(0).standard_normal(RANDOM_SUMS)
+        mean = abs(weights).sum() / np.sqrt(RANDOM_SUMS)
         assert float(size) == pytest.approx(factor * at * mean)
 
 
@@ -179,16 +179,16 @@ def limits(seed: int, n: int = 30, k: int = 12, equations: bool = True) -> tuple
 
 @pytest.mark.parametrize("seed", range(3))
 def test_projection_by_parts_is_that_at_once(seed: int) -> None:
-    target, given = limits(seed)
-    expected = projected_dense(target, given)
-    found = projected_sparse(target, given._replace(A=csc_array(given.A)))
+    target, limited = limits(seed)
+    expected = projected_dense(target, limited)
+    by_parts = projected_sparse(target, limited._replace(A=csc_array(limited.A)))
     # both solve least-squares problems of condition below a hundred or so in double precision
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(by_parts, expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", few(range(3), 1))
 def test_projection_solves_a_quadratic_program(seed: int) -> None:
-    target, given = limits(seed, n=12, k=5)
+    target, limited = limits(seed, n=12, k=5)
     ended = minimize(
         lambda d: 0.5 * np.sum((d - target) ** 2),
         np.zeros(12),
@@ -197,13 +197,13 @@ def test_projection_solves_a_quadratic_program(seed: int) -> None:
         method="trust-constr",
         options={"gtol": 1e-12, "xtol": 1e-14, "maxiter": 5000},
         constraints=[
-            LinearConstraint(given.A, given.down, given.up),
-            LinearConstraint(np.eye(12), given.left, given.right),
+            LinearConstraint(limited.A, limited.down, limited.up),
+            LinearConstraint(np.eye(12), limited.left, limited.right),
         ],
     )
-    np.testing.assert_allclose(projected_dense(target, given), ended.x, atol=1e-4)
+    np.testing.assert_allclose(projected_dense(target, limited), ended.x, atol=1e-4)
     np.testing.assert_allclose(
-        projected_sparse(target, given._replace(A=csc_array(given.A))), ended.x, atol=1e-4
+        projected_sparse(target, limited._replace(A=csc_array(limited.A))), ended.x, atol=1e-4
     )
 
 
@@ -222,5 +222,5 @@ def test_projection_on_contradictory_limits_is_infinite(
         monkeypatch.setattr(storage, "DENSE_FROM", 0)
     bound = np.full(2, 4.0)
     A = csc_array(np.array(rows)) if large else np.array(rows)
-    found = projected(np.zeros(2), LinearLimits(-bound, bound, A, np.array(down), np.array(up)))
-    assert np.isinf(found).all()
+    nearest = projected(np.zeros(2), LinearLimits(-bound, bound, A, np.array(down), np.array(up)))
+    assert np.isinf(nearest).all()

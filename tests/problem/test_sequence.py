@@ -45,18 +45,18 @@ def storage(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def assert_frames(
-    whole: wb.Problem, each: list[wb.Problem], given: wb.Values, once: tuple[str, ...] = ONCE
+    whole: wb.Problem, each: list[wb.Problem], numbers: wb.Values, once: tuple[str, ...] = ONCE
 ) -> None:
     """Every number is that of the whole graph, and rows of frames are those of frames alone."""
-    here = assert_numbers(whole, given)
-    r, J, known = frame_by_frame(whole, each, given, once)
+    here = assert_numbers(whole, numbers)
+    r, J, known = frame_by_frame(whole, each, numbers, once)
     np.testing.assert_allclose(here.residual[known], r[known], atol=1e-10)
     np.testing.assert_allclose(here.dense[known], J[known], atol=1e-11 * np.abs(J).max())
     between = [name for name in whole.rows if not any(name in problem.rows for problem in each)]
     assert (~known).sum() == sum(len(here.residual[whole.rows[name]]) for name in between)
-    made_of = whole.rounding(*whole.split(given), here.residual).rows
+    made_of = whole.rounding(*whole.split(numbers), here.residual).rows
     for t, problem in enumerate(each):
-        x, fixed = problem.split(of_frame(whole, given, t))
+        x, fixed = problem.split(of_frame(whole, numbers, t))
         own = problem.rounding(x, fixed, problem.residual(x, fixed)).rows
         for name, rows in problem.rows.items():
             if name not in once and all(name in other.rows for other in each):
@@ -84,18 +84,18 @@ def test_sequence_of_a_repeated_frame(count: int, storage: str) -> None:
 
 @pytest.mark.parametrize("shared", few([("trans", "betas"), (), "betas", OF_CAMERA], 2), ids=str)
 def test_sequence_shares_any_blocks(shared: str | tuple[str, ...], storage: str) -> None:
-    given = values(3)
+    numbers = values(3)
     names = (shared,) if isinstance(shared, str) else shared
     for name in frame().known:
         if name in ("betas", *OF_CAMERA) and name not in names:
-            given[name] = np.stack([given[name] + 0.01 * t for t in range(3)])
+            numbers[name] = np.stack([numbers[name] + 0.01 * t for t in range(3)])
         elif name in names and name == "trans":
-            given[name] = given[name][0]
+            numbers[name] = numbers[name][0]
     each = [frame()] * 3
     whole = wb.sequence(each, shared=shared, between=SMOOTH[:1])
     for block in whole.known.values():
         assert block.framed == (block.name not in names)
-    assert_frames(whole, each, given, ONCE if "betas" in names else ())
+    assert_frames(whole, each, numbers, ONCE if "betas" in names else ())
 
 
 def test_shared_blocks_may_be_free(storage: str) -> None:
@@ -126,8 +126,8 @@ def test_frames_may_have_blocks_of_their_own(storage: str) -> None:
     each = [frame(), more, frame()]
     whole = wb.sequence(each, shared=SHARED)
     assert whole.known["offset"].shape == (3, 3)
-    here = assert_numbers(whole, given := values(3) | {"offset": np.ones((3, 3))})
-    r, J, known = frame_by_frame(whole, each, given, ONCE)
+    here = assert_numbers(whole, numbers := values(3) | {"offset": np.ones((3, 3))})
+    r, J, known = frame_by_frame(whole, each, numbers, ONCE)
     assert known.all()
     np.testing.assert_allclose(here.residual, r, atol=1e-10)
     np.testing.assert_allclose(here.dense, J, atol=1e-10 * np.abs(J).max())
@@ -164,8 +164,8 @@ def test_weights_of_frames_may_differ(storage: str) -> None:
     numbers = wb.sequence(each[:4], shared="betas")
     assert_frames(numbers, each[:4], values(4), ())
     whole = wb.sequence(each, shared="betas")
-    given = values(5) | {"certain": np.linspace(0.1, 3, 15).reshape(5, 3)}
-    assert_frames(whole, each, given, ())
+    numbers = values(5) | {"certain": np.linspace(0.1, 3, 15).reshape(5, 3)}
+    assert_frames(whole, each, numbers, ())
 
 
 def test_shared_priors_count_once() -> None:
@@ -271,26 +271,26 @@ def test_constraints_of_frames_are_stacked() -> None:
     assert [c.size for c in whole.constraints] == [3, 3, 1]
     np.testing.assert_allclose(whole.constraints[0].limits[0], [0.0, 0.1, 0.2])
     assert whole.constraints[0].tolerance == 1e-6
-    given = values(3)
-    here = whole.linearize(given).constraints
+    numbers = values(3)
+    here = whole.linearize(numbers).constraints
     assert here is not None
     expected = np.concatenate(
         [
-            given["trans"][:, 1],
+            numbers["trans"][:, 1],
             [
                 np.sum((j[2] - j[0]) ** 2)
                 for j in (
-                    BODY.joints(p, given["betas"], t)
-                    for p, t in zip(given["pose"], given["trans"], strict=True)
+                    BODY.joints(p, numbers["betas"], t)
+                    for p, t in zip(numbers["pose"], numbers["trans"], strict=True)
                 )
             ],
-            [given["betas"][0]],
+            [numbers["betas"][0]],
         ]
     )
     np.testing.assert_allclose(here.values, expected, atol=1e-12)
-    found = wb.Ipopt().solve(whole, given)
-    assert found.converged, found.message
-    assert (found.values["trans"][:, 1] > [-1e-6, 0.1 - 1e-6, 0.2 - 1e-6]).all()
+    solution = wb.Ipopt().solve(whole, numbers)
+    assert solution.converged, solution.message
+    assert (solution.values["trans"][:, 1] > [-1e-6, 0.1 - 1e-6, 0.2 - 1e-6]).all()
 
 
 # Names.
@@ -311,10 +311,10 @@ def test_every_entry_and_row_has_a_name() -> None:
     assert "shape prior[1]" in rows
     assert "smooth(pose)[1 to 2, joint2, y]" in rows
     assert "smooth(trans, order 2)[0 to 2, x]" in rows
-    given = values(3)
-    back = whole.values(*whole.split(given))
+    numbers = values(3)
+    back = whole.values(*whole.split(numbers))
     assert back["pose"].shape == (3, 3, 3)
-    for name, value in given.items():
+    for name, value in numbers.items():
         np.testing.assert_array_equal(back[name], value)
 
 
@@ -322,16 +322,16 @@ def test_every_entry_and_row_has_a_name() -> None:
 
 
 def test_banded_solution_is_the_dense_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = values(6)
+    numbers = values(6)
     plain, blocked = both_storages(
         lambda: wb.sequence([frame()] * 6, shared=SHARED, between=SMOOTH), monkeypatch
     )
     solver = wb.LevenbergMarquardt(gradient_tolerance=1e-10)
-    one, other = solver.solve(plain, given), solver.solve(blocked, given)
+    one, other = solver.solve(plain, numbers), solver.solve(blocked, numbers)
     assert one.converged
     assert other.converged
     assert other.trace[-1].linear_algebra == "band cholesky"
-    assert isinstance(blocked.linearize(given).jacobian, BlockMatrix)
+    assert isinstance(blocked.linearize(numbers).jacobian, BlockMatrix)
     for name in FREE:
         np.testing.assert_allclose(other.values[name], one.values[name], rtol=0, atol=1e-9)
     assert other.cost == pytest.approx(one.cost, rel=1e-12)

@@ -35,37 +35,35 @@ VALUES = {
 def rows(*between: object, count: int = T) -> dict[str, np.ndarray]:
     """The whitened rows of each residual between the frames, by name."""
     whole = wb.sequence([FRAME] * count, shared="betas", between=between)  # type: ignore[arg-type]
-    given = {n: v if n == "betas" else v[:count] for n, v in VALUES.items()}
-    r = whole.residual(*whole.split(given))
+    first_frames = {n: v if n == "betas" else v[:count] for n, v in VALUES.items()}
+    r = whole.residual(*whole.split(first_frames))
     return {n: r[at] for n, at in whole.rows.items() if n not in FRAME.rows}
 
 
 @pytest.mark.parametrize(("name", "order"), [("pose", 1), ("trans", 2)])
 def test_smooth_is_the_differences_of_a_block(name: str, order: int) -> None:
-    (found,) = rows(smooth(name, sigma=0.2, order=order)).values()
-    np.testing.assert_allclose(
-        found, np.diff(VALUES[name], order, axis=0).ravel() / 0.2, atol=1e-12
-    )
+    (r,) = rows(smooth(name, sigma=0.2, order=order)).values()
+    np.testing.assert_allclose(r, np.diff(VALUES[name], order, axis=0).ravel() / 0.2, atol=1e-12)
 
 
 def test_smooth_is_the_differences_of_points() -> None:
     order = 2
-    (found,) = rows(smooth(JOINTS, sigma=0.2, order=order)).values()
+    (r,) = rows(smooth(JOINTS, sigma=0.2, order=order)).values()
     joints = [
         BODY.joints(p, VALUES["betas"], t)
         for p, t in zip(VALUES["pose"], VALUES["trans"], strict=True)
     ]
-    np.testing.assert_allclose(found, np.diff(joints, order, axis=0).ravel() / 0.2, atol=1e-12)
+    np.testing.assert_allclose(r, np.diff(joints, order, axis=0).ravel() / 0.2, atol=1e-12)
 
 
 def test_smooth_takes_a_sigma_of_each_entry() -> None:
     sigma = RNG.uniform(0.1, 1, (3, 3))
-    (found,) = rows(smooth("pose", sigma=sigma)).values()
-    np.testing.assert_allclose(found, (np.diff(VALUES["pose"], axis=0) / sigma).ravel(), atol=1e-12)
+    (r,) = rows(smooth("pose", sigma=sigma)).values()
+    np.testing.assert_allclose(r, (np.diff(VALUES["pose"], axis=0) / sigma).ravel(), atol=1e-12)
     across = np.array([0.1, 0.2, 0.4])
-    (found,) = rows(smooth("trans", sigma=across, order=2)).values()
+    (r,) = rows(smooth("trans", sigma=across, order=2)).values()
     expected = np.diff(VALUES["trans"], 2, axis=0) / across
-    np.testing.assert_allclose(found, expected.ravel(), atol=1e-12)
+    np.testing.assert_allclose(r, expected.ravel(), atol=1e-12)
 
 
 @pytest.mark.parametrize(("what", "order"), [("trans", 1), (JOINTS, 2)], ids=["block", "points"])
@@ -82,13 +80,13 @@ def test_smooth_names_rows_and_units() -> None:
         smooth("trans", sigma=0.1, name="slow"),
     ]
     whole = wb.sequence([FRAME] * 3, shared="betas", between=between)
-    found = {r.name: r for r in whole.residuals}
-    assert list(found)[-3:] == ["smooth(pose)", "smooth(joints, order 2)", "slow"]
-    assert [found[n].unit for n in list(found)[-3:]] == ["rad", "m", "m"]
-    assert found["smooth(pose)"].label(0) == "smooth(pose)[0 to 1, joint0, x]"
-    assert found["smooth(pose)"].label(17) == "smooth(pose)[1 to 2, joint2, z]"
-    assert found["smooth(joints, order 2)"].label(4) == "smooth(joints, order 2)[0 to 2, joint1, y]"
-    assert found["slow"].label(5) == "slow[1 to 2, z]"
+    named = {r.name: r for r in whole.residuals}
+    assert list(named)[-3:] == ["smooth(pose)", "smooth(joints, order 2)", "slow"]
+    assert [named[n].unit for n in list(named)[-3:]] == ["rad", "m", "m"]
+    assert named["smooth(pose)"].label(0) == "smooth(pose)[0 to 1, joint0, x]"
+    assert named["smooth(pose)"].label(17) == "smooth(pose)[1 to 2, joint2, z]"
+    assert named["smooth(joints, order 2)"].label(4) == "smooth(joints, order 2)[0 to 2, joint1, y]"
+    assert named["slow"].label(5) == "slow[1 to 2, z]"
 
 
 def test_bad_smooth_terms_are_refused() -> None:
@@ -111,10 +109,10 @@ def test_bad_smooth_terms_are_refused() -> None:
 PERSON = random_body(0, n_vertices=9, n_joints=3, n_betas=2)
 
 
-def differences(problem: wb.Problem, x: np.ndarray, given: np.ndarray) -> np.ndarray:
+def differences(problem: wb.Problem, x: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     h = 1e-6
     columns = [
-        (problem.residual(x + h * e, given) - problem.residual(x - h * e, given)) / (2 * h)
+        (problem.residual(x + h * e, fixed) - problem.residual(x - h * e, fixed)) / (2 * h)
         for e in np.eye(len(x))
     ]
     return np.array(columns).T
@@ -135,9 +133,9 @@ def test_points_of_frames_in_any_order(some: tuple[int, int]) -> None:
     whole = wb.sequence([frame] * 4, shared=("betas",), between=[closing])
     rng = np.random.default_rng(0)
     shapes = {"pose": (4, *pose.shape), "betas": betas.shape, "trans": (4, 3)}
-    x, given = whole.split({n: 0.3 * rng.standard_normal(s) for n, s in shapes.items()})
-    J = whole.linearize_at(x, given).dense
-    np.testing.assert_allclose(J, differences(whole, x, given), atol=1e-7)
+    x, fixed = whole.split({n: 0.3 * rng.standard_normal(s) for n, s in shapes.items()})
+    J = whole.linearize_at(x, fixed).dense
+    np.testing.assert_allclose(J, differences(whole, x, fixed), atol=1e-7)
 
 
 def test_chain_seen_at_one_end_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,10 +152,10 @@ def test_chain_seen_at_one_end_is_solved(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(frame_chains, "is_sparse", lambda *a: True)
     whole = wb.sequence(frames, between=[smooth("y", sigma=1.0, order=2)])
     start = {"y": rng.standard_normal((T, 3)), "o": rng.standard_normal((T, 3))}
-    found = wb.solve(whole, start, wb.SOLVERS["gauss-newton"])
+    solution = wb.solve(whole, start, wb.SOLVERS["gauss-newton"])
     assert whole.linearize(start).by_frames
-    assert found.converged
-    assert found.cost < 1e-12  # two frames determine a straight line exactly; 1 at the start
+    assert solution.converged
+    assert solution.cost < 1e-12  # two frames determine a straight line exactly; 1 at the start
 
 
 def test_constraints_of_one_name_must_agree() -> None:

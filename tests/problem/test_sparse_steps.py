@@ -43,11 +43,11 @@ def test_sum_of_sparse_parts_is_the_dense_sum() -> None:
             expected[rows[:, None], np.arange(columns.start, columns.stop)] += entries.T
             parts.append(DenseTerm(rows, columns).places)
             numbers.append(entries)
-        found = SparseSum(parts, (m, n)).matrix(numbers)
-        np.testing.assert_allclose(found.toarray(), expected, atol=1e-15)
+        total = SparseSum(parts, (m, n)).matrix(numbers)
+        np.testing.assert_allclose(total.toarray(), expected, atol=1e-15)
         there = SparseSum(parts, (m, n)).pattern
-        np.testing.assert_array_equal(there.indices, found.indices)
-        np.testing.assert_array_equal(there.indptr, found.indptr)
+        np.testing.assert_array_equal(there.indices, total.indices)
+        np.testing.assert_array_equal(there.indptr, total.indptr)
 
 
 # Steps.
@@ -141,10 +141,10 @@ def test_jacobian_of_free_vertices_matches_the_graph(free: tuple[str, ...]) -> N
     np.testing.assert_allclose(here.residual, np.asarray(r).ravel(), atol=1e-10)
     np.testing.assert_allclose(here.dense, np.asarray(J), atol=1e-9)
     assert here.jacobian.nnz <= problem.pattern.nnz
-    found = wb.solve(problem, values, wb.LevenbergMarquardt())
-    assert found.status is wb.Status.CONVERGED
-    assert found.trace[-1].linear_algebra == "sparse cholesky"
-    by_gradient = problem.cost_and_gradient(problem.split(values | found.values)[0], fixed)[1]
+    solution = wb.solve(problem, values, wb.LevenbergMarquardt())
+    assert solution.status is wb.Status.CONVERGED
+    assert solution.trace[-1].linear_algebra == "sparse cholesky"
+    by_gradient = problem.cost_and_gradient(problem.split(values | solution.values)[0], fixed)[1]
     assert np.linalg.norm(by_gradient) < 1e-5 * np.linalg.norm(here.gradient)
 
 
@@ -164,12 +164,12 @@ def test_dependent_sparse_columns_are_damped_slightly() -> None:
     D = np.ones(25)
     assert steps.cholesky(sparse, 0.0, D) is None
     assert steps.automatic(sparse, 0.0, D).by == "lsmr"
-    found, best = steps.sparing(sparse, 0.0, D), steps.svd(dense, 0.0, D)
-    assert found.by == "sparse cholesky"
-    fall, most = sparse.predicted_decrease(found.p), dense.predicted_decrease(best.p)
+    step, best = steps.sparing(sparse, 0.0, D), steps.svd(dense, 0.0, D)
+    assert step.by == "sparse cholesky"
+    fall, most = sparse.predicted_decrease(step.p), dense.predicted_decrease(best.p)
     assert fall == pytest.approx(most, rel=1e-6)
-    least = steps.SLIGHT * float(np.max(sparse.column_norms)) ** 2
-    np.testing.assert_allclose(found.p, steps.svd(dense, least, D).p, rtol=0, atol=1e-6)
+    least = steps.SLIGHT_DAMPING * float(np.max(sparse.column_norms)) ** 2
+    np.testing.assert_allclose(step.p, steps.svd(dense, least, D).p, rtol=0, atol=1e-6)
 
 
 EXACT = ConjugateGradients(tolerance=1e-13)
@@ -192,15 +192,15 @@ def test_conjugate_gradients_take_the_cholesky_step() -> None:
         here, D = model(dense_columns=dense_columns), np.linspace(0.5, 2, UNKNOWNS)
         expected = cholesky(here, damping, D)
         assert expected is not None
-        found = ConjugateGradients(block, 1e-13)(here, damping, D)
-        np.testing.assert_allclose(found.p, expected.p, rtol=0, atol=1e-10)
+        step = ConjugateGradients(block, 1e-13)(here, damping, D)
+        np.testing.assert_allclose(step.p, expected.p, rtol=0, atol=1e-10)
 
 
 def test_conjugate_gradients_leave_undetermined_unknowns() -> None:
     here = model()
     J = here.jacobian.toarray()
     J[:, 30:33] = 0.0
-    found = EXACT(Linearization(here.residual, csc_array(J)), 0.0, np.ones(UNKNOWNS)).p
-    assert (found[30:33] == 0).all()
+    p = EXACT(Linearization(here.residual, csc_array(J)), 0.0, np.ones(UNKNOWNS)).p
+    assert (p[30:33] == 0).all()
     expected = -np.linalg.lstsq(J, here.residual)[0]
-    np.testing.assert_allclose(found, expected, atol=1e-10)
+    np.testing.assert_allclose(p, expected, atol=1e-10)

@@ -18,7 +18,7 @@ from workbench.training.folder import read_table
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
 
-READERS: dict[str, Callable[[Path], object]] = {
+PATH_READERS: dict[str, Callable[[Path], object]] = {
     "a.json": json_in,
     "keypoints.json": read_keypoints,
     "cameras.toml": read_calibration,
@@ -48,12 +48,12 @@ def killed_when_it_waits() -> Iterator[None]:
     signal.signal(signal.SIGALRM, before)
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", PATH_READERS)
 def test_reader_refuses_a_pipe(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     os.mkfifo(path)
     with pytest.raises(BadFile, match="pipe"):
-        READERS[name](path)
+        PATH_READERS[name](path)
 
 
 def test_bytes_are_read_up_to_a_limit(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from workbench.registration.coregistration import (
     ScansInMemory,
     State,
 )
-from workbench.registration.coregistration.coregistering import FILE, SETTINGS
+from workbench.registration.coregistration.coregistering import FILE, SIGMAS
 from workbench.registration.coregistration.scan_block import (
     OnScan,
     ScanCoupling,
@@ -32,9 +32,7 @@ from workbench.registration.coregistration.scan_block import (
     on_scans,
     scan_evidence,
 )
-from workbench.registration.coregistration.triangle_steps import (
-    learned_bends,
-)
+from workbench.registration.coregistration.triangle_steps import learned_bends
 from workbench.registration.coregistration.triangles import (
     TriangleCoregistration,
     TrianglePlan,
@@ -50,7 +48,7 @@ from workbench.training.registrations import InMemory
 START = jointed_tube(7, 5)
 PEOPLE, EACH = 2, 3
 TERM = ScanTerm(sigma=0.002, outlier=0.01, within=0.1)
-PLAN = CoregistrationPlan(rounds=2, term=TERM, sigmas=replace(SETTINGS, data=0.002))
+PLAN = CoregistrationPlan(rounds=2, term=TERM, sigmas=replace(SIGMAS, data=0.002))
 
 
 @cache
@@ -188,12 +186,12 @@ def test_perfect_scans_match_training_on_meshes() -> None:
     plan = replace(PLAN, term=Labelled(), options=exact)
     by = Coregistration(body(), ScansInMemory(tuple(map(Scan, truth)), scans.subject), plan)
     trained = by.first(fits).estimate
-    given = BlockInput(by.objective(InMemory(truth, scans.subject)), body().faces, exact)
+    context = BlockInput(by.objective(InMemory(truth, scans.subject)), body().faces, exact)
     for _ in range(plan.rounds):
         for name in plan.blocks:
-            trained, _ = BLOCKS[name](given, trained)
-    found = by.run(fits).estimate
-    off = np.linalg.norm(found.templates - trained.templates, axis=2)
+            trained, _ = BLOCKS[name](context, trained)
+    estimate = by.run(fits).estimate
+    off = np.linalg.norm(estimate.templates - trained.templates, axis=2)
     moved = np.linalg.norm(trained.templates - by.first(fits).estimate.templates, axis=2)
     assert off.max() < 5e-5, "m"
     assert moved.max() > 5e-3, "m, or there was nothing to learn"
@@ -216,10 +214,10 @@ def test_stopped_run_continues_to_the_same_bits(tmp_path: Path) -> None:
     for report.left in (1, 1, 2):
         with pytest.raises(InterruptedError):
             joint().run(made()[1], folder=tmp_path, execution=Execution(report=report))
-    found = joint().run(made()[1], folder=tmp_path)
-    assert len(found.log) == 5
+    continued = joint().run(made()[1], folder=tmp_path)
+    assert len(continued.log) == 5
     for name, array in state().arrays().items():
-        np.testing.assert_array_equal(array, found.arrays()[name], err_msg=name)
+        np.testing.assert_array_equal(array, continued.arrays()[name], err_msg=name)
 
 
 @pytest.mark.thorough

@@ -17,11 +17,7 @@ from workbench.registration import (
     by_vertices,
     touched,
 )
-from workbench.registration.free_vertices import (
-    BODY,
-    NEAR,
-    QUICK_VERTEX_STAGES,
-)
+from workbench.registration.free_vertices import BLOCKS, NEAR_TERM, QUICK_VERTEX_STAGES
 
 WEAK = QUICK_VERTEX_STAGES[-1]
 SMALL = load_body("small")
@@ -70,7 +66,7 @@ def test_free_vertices_recover_a_bump() -> None:
 
 def test_gradient_matches_differences_with_contacts_chosen_anew() -> None:
     fit = FreeVertices(SMALL, cloud(SMALL, BUMPED, 300, areas=True))
-    problem = fit.problem(VertexStage("all", (*BODY, "vertices"), 0.01))
+    problem = fit.problem(VertexStage("all", (*BLOCKS, "vertices"), 0.01))
     rng = np.random.default_rng(1)
     values = SMALL.start() | {"vertices": BUMPED + 0.004 * rng.standard_normal(BUMPED.shape)}
     x, fixed = problem.split(values)
@@ -102,7 +98,10 @@ def test_bad_vertex_stages_are_refused() -> None:
         (lambda: VertexStage("odd", (), 0.01), "needs a free block"),
         (lambda: FIT.register(SMALL.start(), ()), "one stage or more"),
         (lambda: ScanTerm(sigma=-0.1), r"sigma of a scan's term .* not -0\.1"),
-        (lambda: touched(coupling, SMALL.start(), NEAR.outlier), "'coupling' chooses no contacts"),
+        (
+            lambda: touched(coupling, SMALL.start(), NEAR_TERM.outlier),
+            "'coupling' chooses no contacts",
+        ),
     ]:
         with pytest.raises(BadArgument, match=said):
             bad()

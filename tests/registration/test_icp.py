@@ -41,8 +41,8 @@ EACH = pytest.mark.parametrize("step", [distance_gauss_newton, point_to_plane, p
 
 
 def contacts(points: Array = POINTS) -> Contacts:
-    found = BOX.closest(points)
-    return Contacts(points, found.points, found.normals, WEIGHTS)
+    nearest = BOX.closest(points)
+    return Contacts(points, nearest.points, nearest.normals, WEIGHTS)
 
 
 def cost(x: Array) -> float:
@@ -53,10 +53,10 @@ def cost(x: Array) -> float:
 
 def test_gradient_with_frozen_contacts_is_exact() -> None:
     """At faces, edges and vertices alike, by differences of the cost with contacts chosen anew."""
-    found = BOX.closest(POINTS)
-    at_faces = np.count_nonzero(found.shares > 1e-12, axis=1)
+    nearest = BOX.closest(POINTS)
+    at_faces = np.count_nonzero(nearest.shares > 1e-12, axis=1)
     assert {1, 2, 3} <= set(at_faces.tolist())
-    off = POINTS - found.points
+    off = POINTS - nearest.points
     u = off / np.linalg.norm(off, axis=1, keepdims=True)
     J = np.column_stack([np.cross(POINTS, u), u])
     gradient = J.T @ (WEIGHTS * np.linalg.norm(off, axis=1))
@@ -66,15 +66,15 @@ def test_gradient_with_frozen_contacts_is_exact() -> None:
 
 
 def test_gauss_newton_solves_the_normal_equations_of_the_distance() -> None:
-    found = contacts()
-    off = POINTS - found.closest
+    on_box = contacts()
+    off = POINTS - on_box.closest
     d = np.linalg.norm(off, axis=1)
     u = off / d[:, None]
     centre = WEIGHTS @ POINTS / WEIGHTS.sum()
     J = np.column_stack([np.cross(POINTS - centre, u), u])
     root = np.sqrt(WEIGHTS)
     x = np.linalg.lstsq(root[:, None] * J, -root * d)[0]
-    step = distance_gauss_newton(found)
+    step = distance_gauss_newton(on_box)
     np.testing.assert_allclose(step.R, matrix_from_vector(x[:3]), atol=1e-12)
     np.testing.assert_allclose(step(centre), centre + x[3:], atol=1e-12)
 
@@ -120,15 +120,15 @@ def test_cloud_respects_gate_and_normals() -> None:
     every = np.linalg.norm(ASKED[:, None] - CLOUD, axis=2)
     n = ASKED / np.linalg.norm(ASKED, axis=1, keepdims=True)
     every[n @ CLOUD_NORMALS.T < 0.8] = np.inf
-    found = PointCloud(CLOUD[:16], CLOUD_NORMALS[:16]).closest(ASKED, 0.9, n, 0.8)
+    nearest = PointCloud(CLOUD[:16], CLOUD_NORMALS[:16]).closest(ASKED, 0.9, n, 0.8)
     least = every[:, :16].min(axis=1)
     there = least <= 0.9
     assert 0 < there.sum() < 15
-    np.testing.assert_array_equal(found.faces, np.where(there, every[:, :16].argmin(axis=1), -1))
-    np.testing.assert_array_equal(found.distances, np.where(there, least, 0.9))
-    np.testing.assert_array_equal(found.points[~there], ASKED[~there])
-    assert not found.normals[~there].any()
-    np.testing.assert_array_equal(found.normals[there], CLOUD_NORMALS[found.faces[there]])
+    np.testing.assert_array_equal(nearest.faces, np.where(there, every[:, :16].argmin(axis=1), -1))
+    np.testing.assert_array_equal(nearest.distances, np.where(there, least, 0.9))
+    np.testing.assert_array_equal(nearest.points[~there], ASKED[~there])
+    assert not nearest.normals[~there].any()
+    np.testing.assert_array_equal(nearest.normals[there], CLOUD_NORMALS[nearest.faces[there]])
 
 
 def test_examples_in_docstrings() -> None:
@@ -147,9 +147,9 @@ SCAN = TRUTH.inverse()(RIGHT)
 LOSSES = pytest.mark.parametrize("loss", [LeastSquares(), GemanMcClure(0.03)], ids=str)
 
 
-def off(found: Alignment, points: Array = SCAN, right: Array = RIGHT) -> float:
+def off(alignment: Alignment, points: Array = SCAN, right: Array = RIGHT) -> float:
     """m, the largest distance of a point from its true place."""
-    return float(np.linalg.norm(found.motion(points) - right, axis=1).max())
+    return float(np.linalg.norm(alignment.motion(points) - right, axis=1).max())
 
 
 @EACH
@@ -157,13 +157,13 @@ def test_motion_is_recovered(step: Step) -> None:
     """The points lie on the surface, so that nothing else is as good; Gauss-Newton is quadratic at
     the end, and alternation halves at best.
     """
-    found = Icp(step, max_iterations=400, tolerance=1e-9).align(SCAN, SURFACE)
-    assert found.stopped is Stopped.SETTLED
-    np.testing.assert_allclose(found.R, TRUTH.R, atol=1e-6)
-    np.testing.assert_allclose(found.t, TRUTH.t, atol=1e-6)
-    assert found.rms < 1e-6
-    assert found.in_contact == 1
-    assert found.iterations >= 40 if step is point_to_point else found.iterations <= 10
+    alignment = Icp(step, max_iterations=400, tolerance=1e-9).align(SCAN, SURFACE)
+    assert alignment.stopped is Stopped.SETTLED
+    np.testing.assert_allclose(alignment.R, TRUTH.R, atol=1e-6)
+    np.testing.assert_allclose(alignment.t, TRUTH.t, atol=1e-6)
+    assert alignment.rms < 1e-6
+    assert alignment.in_contact == 1
+    assert alignment.iterations >= 40 if step is point_to_point else alignment.iterations <= 10
 
 
 @LOSSES
@@ -183,9 +183,11 @@ def test_cost_of_alternation_never_rises(loss: Loss, gate: float) -> None:
 
 def test_trace_has_costs_and_moves() -> None:
     seen: list[IcpIterate] = []
-    found = Icp(point_to_point, max_iterations=5).align(SCAN, SURFACE, TRUTH, callback=seen.append)
-    assert tuple(seen) == found.trace
-    first = found.trace[0]
+    alignment = Icp(point_to_point, max_iterations=5).align(
+        SCAN, SURFACE, TRUTH, callback=seen.append
+    )
+    assert tuple(seen) == alignment.trace
+    first = alignment.trace[0]
     assert (first.moved, first.in_contact) == (0, 1)
     far = Icp(point_to_point, max_iterations=3).align(SCAN, SURFACE)
     assert (far.stopped, far.iterations, len(far.trace)) == (Stopped.OUT_OF_ITERATIONS, 3, 4)
@@ -208,17 +210,19 @@ def test_outliers_do_not_pull() -> None:
         (point_to_plane, GemanMcClure(0.03), True),
         (distance_gauss_newton, LeastSquares(), False),
     ]:
-        found = Icp(step, loss, max_iterations=300).align(clutter, SURFACE)
-        assert off(found, clutter[:300]) < 1e-3 if robust else off(found, clutter[:300]) > 0.01
+        alignment = Icp(step, loss, max_iterations=300).align(clutter, SURFACE)
+        assert (
+            off(alignment, clutter[:300]) < 1e-3 if robust else off(alignment, clutter[:300]) > 0.01
+        )
 
 
 def test_gate_leaves_out_far_points() -> None:
     clutter = np.concatenate([SCAN, SCAN[:75] + [0.0, 0.0, 1.5]])
-    found = Icp(gate=0.15).align(clutter, SURFACE)
-    assert off(found, clutter[:300]) < 1e-6
-    assert found.in_contact == pytest.approx(0.8, abs=0.01)
-    assert found.rms < 1e-6  # of the points in contact alone
-    assert found.cost == pytest.approx(75 * 0.15**2 / 2, rel=0.02)  # and the others at the gate
+    alignment = Icp(gate=0.15).align(clutter, SURFACE)
+    assert off(alignment, clutter[:300]) < 1e-6
+    assert alignment.in_contact == pytest.approx(0.8, abs=0.01)
+    assert alignment.rms < 1e-6  # of the points in contact alone
+    assert alignment.cost == pytest.approx(75 * 0.15**2 / 2, rel=0.02)  # and the others at the gate
 
 
 def test_normals_tell_back_from_front() -> None:
@@ -240,8 +244,8 @@ def test_clouds_are_targets(step: Step) -> None:
     """The scan is some of the cloud's own points, so that there is a place without an error."""
     dense, normals = random_surface_points(BODY.template, BODY.faces, 4000, RNG)
     some = TRUTH.inverse()(dense[::10])
-    found = Icp(step, max_iterations=300).align(some, PointCloud(dense, normals))
-    assert off(found, some, dense[::10]) < 5e-3
+    alignment = Icp(step, max_iterations=300).align(some, PointCloud(dense, normals))
+    assert off(alignment, some, dense[::10]) < 5e-3
     if step is not point_to_plane:
         assert (
             off(Icp(step).align(dense[::10], PointCloud(dense)), dense[::10], dense[::10]) < 1e-12
@@ -267,13 +271,16 @@ def test_steps_that_raise_the_cost_are_halved() -> None:
 
 def test_bad_arguments_of_icp_are_refused() -> None:
     some = Contacts(POINTS, POINTS, 0 * POINTS, WEIGHTS)
-    given = {"points": SCAN, "target": SURFACE}
+    arguments = {"points": SCAN, "target": SURFACE}
     for bad, said in [
-        (lambda: Icp().align(**given | {"points": SCAN[:, :2]}), r"an array \(M, 3\)"),
-        (lambda: Icp().align(**given | {"points": SCAN / 0}), "leave out what was not measured"),
-        (lambda: Icp().align(**given, weights=np.ones(3)), "300 finite numbers, one for each"),
-        (lambda: Icp().align(**given, normals=NORMALS[:3]), r"\(300, 3\), one for each point"),
-        (lambda: Icp().align(**given, start=replace(TRUTH, scale=2.0)), "of scale 1, not 2.0"),
+        (lambda: Icp().align(**arguments | {"points": SCAN[:, :2]}), r"an array \(M, 3\)"),
+        (
+            lambda: Icp().align(**arguments | {"points": SCAN / 0}),
+            "leave out what was not measured",
+        ),
+        (lambda: Icp().align(**arguments, weights=np.ones(3)), "300 finite numbers, one for each"),
+        (lambda: Icp().align(**arguments, normals=NORMALS[:3]), r"\(300, 3\), one for each point"),
+        (lambda: Icp().align(**arguments, start=replace(TRUTH, scale=2.0)), "of scale 1, not 2.0"),
         (lambda: Icp(gate=0.0), "the gate must be a distance above 0 m"),
         (lambda: Icp(tolerance=-1.0), "tolerance of ICP must be finite .* not -1.0"),
         (lambda: GemanMcClure(np.inf), "scale of a robust loss must be finite"),

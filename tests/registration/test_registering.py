@@ -44,12 +44,7 @@ from workbench.registration import (
     usual_recipe,
     with_skeleton,
 )
-from workbench.synthetic import (
-    Noise,
-    SimulatedScan,
-    scan,
-    scanners,
-)
+from workbench.synthetic import Noise, SimulatedScan, scan, scanners
 
 FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))
 QUICK = Recipe(FIT_STAGES, ())
@@ -88,16 +83,16 @@ def test_person_is_registered() -> None:
 @pytest.mark.thorough
 def test_triangle_bodies_are_registered() -> None:
     scape, scan = load_body("small-scape"), cloud(BODY, BODY.vertices())
-    found = register(scape, scan, recipe=Recipe((FitStage(200, 0.02, 0.1, 1, 5),)))
-    assert [stage.name for stage in found.stages] == ["model"]
-    assert found.vertices.shape == (scape.n_vertices, 3)
+    registration = register(scape, scan, recipe=Recipe((FitStage(200, 0.02, 0.1, 1, 5),)))
+    assert [stage.name for stage in registration.stages] == ["model"]
+    assert registration.vertices.shape == (scape.n_vertices, 3)
 
 
 @pytest.mark.thorough
 def test_boundary_points_are_left_out() -> None:
-    found = register(BODY, HALF, recipe=Recipe(FIT_STAGES, (), boundary=0.01))
-    assert found.left_out > 0
-    assert found.scan.n_points + found.left_out == HALF.n_points
+    registration = register(BODY, HALF, recipe=Recipe(FIT_STAGES, (), boundary=0.01))
+    assert registration.left_out > 0
+    assert registration.scan.n_points + registration.left_out == HALF.n_points
     with pytest.raises(BadScan, match="this one is empty"):
         register(BODY, HALF, recipe=Recipe(FIT_STAGES, boundary=10.0))
     with pytest.raises(BadArgument, match="boundary of a recipe"):
@@ -135,9 +130,9 @@ def test_failure_of_one_scan_is_its_answer(tmp_path: Path, monkeypatch: pytest.M
         ("bad.obj", QUICK, "a scan has at least 100"),
         ("inwards.xyz", untouched, "touches the surface"),
     ]:
-        found = registered(BODY, recipe, Reading(), ScanJob("one", tmp_path / file))
-        assert isinstance(found, FailedScan)
-        assert why in found.reason
+        failed = registered(BODY, recipe, Reading(), ScanJob("one", tmp_path / file))
+        assert isinstance(failed, FailedScan)
+        assert why in failed.reason
 
     def fails(*_: object, **__: object) -> None:
         raise error
@@ -145,9 +140,9 @@ def test_failure_of_one_scan_is_its_answer(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("workbench.registration.scan_jobs.register", fails)
     job = ScanJob("scan", tmp_path / "scan.xyz")
     error: BaseException = ZeroDivisionError("of ours")
-    found = registered(BODY, QUICK, Reading(), job)
-    assert isinstance(found, FailedScan)
-    assert found.reason == "an unforeseen error, ZeroDivisionError: of ours"
+    failed = registered(BODY, QUICK, Reading(), job)
+    assert isinstance(failed, FailedScan)
+    assert failed.reason == "an unforeseen error, ZeroDivisionError: of ours"
     error = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
         registered(BODY, QUICK, Reading(), job)
@@ -195,8 +190,8 @@ def made() -> tuple[wb.Values, SimulatedScan]:
 
 def errors(values: wb.Values) -> np.ndarray:
     truth = HAND.vertices(**made()[0])
-    found = HAND.vertices(*(values[name] for name in ("pose", "betas", "trans")))
-    return 1e3 * np.linalg.norm(found - truth, axis=1)
+    vertices = HAND.vertices(*(values[name] for name in ("pose", "betas", "trans")))
+    return 1e3 * np.linalg.norm(vertices - truth, axis=1)
 
 
 @pytest.mark.thorough

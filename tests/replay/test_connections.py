@@ -16,7 +16,7 @@ from workbench.reports.replays import live_server
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[LiveServer]:
-    monkeypatch.setattr(module, "PATIENCE", 0.2)
+    monkeypatch.setattr(module, "TIMEOUT_SECONDS", 0.2)
     made = live_server("landmarks", find("landmarks", {"body": "small"}).setup())
     thread = threading.Thread(target=made.serve)
     thread.start()

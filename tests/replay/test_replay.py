@@ -17,8 +17,8 @@ from workbench.experiments import find, run
 from workbench.experiments.running import Outcome
 from workbench.plots.palette import solver_styles
 from workbench.reports.replay import Recording, recorded_run
-from workbench.reports.replay.recording import KINDS, packed
-from workbench.reports.replay.runs import kept
+from workbench.reports.replay.recording import DTYPES, packed
+from workbench.reports.replay.runs import kept_iterates
 from workbench.reports.run import run_page
 
 pytestmark = pytest.mark.xdist_group("replays of a run")  # which is solved once
@@ -61,7 +61,7 @@ def recording() -> Recording:
 def numbers(given: dict[str, str]) -> Array:
     """What `packed` packed."""
     text = gzip.decompress(base64.b64decode(given["gzip"]))
-    return np.frombuffer(text, KINDS[given["kind"]]).astype(float)
+    return np.frombuffer(text, DTYPES[given["kind"]]).astype(float)
 
 
 def vertices(values: Values) -> Array:
@@ -70,7 +70,7 @@ def vertices(values: Values) -> Array:
     return body.vertices(*({**outcome().values, **values}[block.name] for block in body.blocks()))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DTYPES)
 def test_packed_arrays_come_back(kind: str) -> None:
     array = np.arange(24).reshape(2, 3, 4)
     np.testing.assert_array_equal(numbers(packed(array, kind)), array.ravel())
@@ -78,7 +78,7 @@ def test_packed_arrays_come_back(kind: str) -> None:
 
 @pytest.mark.parametrize("count", [1, 5, 64, 65, 1000])
 def test_kept_iterates_include_first_and_last(count: int) -> None:
-    at = kept(count)
+    at = kept_iterates(count)
     assert len(at) <= 64
     assert (at[0], at[-1]) == (0, count - 1)
     assert (np.diff(at) > 0).all()

@@ -26,7 +26,7 @@ from workbench.reports.replay import (
     recorded_registration,
     recorded_solution,
 )
-from workbench.reports.replay.recording import KINDS
+from workbench.reports.replay.recording import DTYPES
 from workbench.reports.replays import motion_page, replay_page
 
 BODY = wb.load_body("small")
@@ -37,7 +37,7 @@ VERTICES = "answers.vertices = one.labels.map((_, i) => [...one.surface(i).point
 def numbers(given: dict[str, str]) -> Array:
     """What `packed` packed."""
     text = gzip.decompress(base64.b64decode(given["gzip"]))
-    return np.frombuffer(text, KINDS[given["kind"]]).astype(float)
+    return np.frombuffer(text, DTYPES[given["kind"]]).astype(float)
 
 
 def series(recording: Recording | None, k: int = 0) -> dict[str, Any]:

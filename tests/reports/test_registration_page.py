@@ -64,8 +64,11 @@ def test_registration_folder_holds_page_and_arrays(
     assert told["key"] == "k"
 
 
+ROW = Row("one/registration.npz", "anna", "female", "poses")
+
+
 def folder_in(place: Path, body: SkinnedBody, recipe: Recipe = RECIPE) -> RegistrationFolder:
-    return RegistrationFolder(place, body, "small", recipe, Reading(), "scans")
+    return RegistrationFolder(place, body, "small", recipe, Reading(), "scans", {"one": ROW})
 
 
 def test_registration_folder_is_read_by_training(
@@ -73,12 +76,11 @@ def test_registration_folder_is_read_by_training(
 ) -> None:
     folder = folder_in(tmp_path / "run", body)
     entry = folder.keep(found, folder.key(found.job))
-    row = Row("one/registration.npz", "anna", "female", "poses")
     failed = FailedScan(ScanJob("two", Path("two.ply")), "it is <empty>")
-    page = folder.finish([entry], [row], [failed])
+    page = folder.finish([entry], [failed])
     read = open_folder(tmp_path / "run", body.n_vertices, body.faces)
-    assert read.rows == (row,)
-    vertices, confidence = read.one(row)
+    assert read.rows == (ROW,)
+    vertices, confidence = read.read_row(ROW)
     np.testing.assert_array_equal(vertices, found.registration.vertices)
     np.testing.assert_array_equal(confidence, found.registration.seen)
     start = read_start(str(tmp_path / "run" / "start.npz"))

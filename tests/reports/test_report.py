@@ -14,7 +14,7 @@ from workbench.geometry import meshes
 from workbench.plots import plot_overlay, sheet
 from workbench.reports import write_report
 from workbench.reports.page import number
-from workbench.reports.run import hypotheses_table, priors_said, residuals_table
+from workbench.reports.run import hypotheses_table, priors_sentence, residuals_table
 from workbench.solvers import Status
 
 pytestmark = pytest.mark.xdist_group("reports of a run")  # which is made once
@@ -146,12 +146,12 @@ def test_residuals_say_what_they_add_and_which_are_priors(folder: Path) -> None:
     assert table.rows[0][3:5] == ("1", "px")
     shares = [float(row[6].removesuffix("%")) for row in table.rows]
     assert sum(shares) == pytest.approx(100, abs=0.2)
-    said = priors_said(replace(outcome, setup=setup))
+    said = priors_sentence(replace(outcome, setup=setup))
     assert said.startswith("The priors, shape <prior> and place, make up ")
     assert f"{shares[1] + shares[2]:.0f}" in said
     text = (folder / "index.html").read_text(encoding="utf-8")
     assert ">Residuals</h2>" in text
-    assert priors_said(outcome) in text
+    assert priors_sentence(outcome) in text
 
 
 def test_report_mesh_is_the_posed_surface(folder: Path) -> None:

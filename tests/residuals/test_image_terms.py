@@ -27,12 +27,12 @@ def cost(residual: Residual, x: np.ndarray) -> float:
 
 def energies(x: np.ndarray) -> np.ndarray:
     """e_j, from the densities' own formula."""
-    found = []
+    costs = []
     for g, mu, C in zip(SHARES, MEANS, COVARIANCES, strict=True):
         d = x - mu
         squared = d @ np.linalg.solve(C, d)
-        found.append(0.5 * squared + 0.5 * np.log(np.linalg.det(C)) - np.log(g))
-    return np.array(found)
+        costs.append(0.5 * squared + 0.5 * np.log(np.linalg.det(C)) - np.log(g))
+    return np.array(costs)
 
 
 def mixture() -> Residual:

@@ -58,20 +58,20 @@ def test_distances_of_a_solid_are_known() -> None:
         (loose(0.25), 0.25 * DISTANCES),
     ):
         r = residuals.scan_to_model(CORNERS.symbol, FACES, OUTSIDE, sigma=0.1, form=form)
-        found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
-        np.testing.assert_allclose(found, expected / 0.1, rtol=1e-12)
+        here = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
+        np.testing.assert_allclose(here, expected / 0.1, rtol=1e-12)
     within = np.array([[0.1, 0.2, 0.3]])  # behind the surface: signed, and not loosened
     for form in (distance, loose(0.25)):
         r = residuals.scan_to_model(CORNERS.symbol, FACES, within, sigma=1.0, form=form)
-        found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
-        np.testing.assert_allclose(found, [-0.1], rtol=1e-12)
+        here = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
+        np.testing.assert_allclose(here, [-0.1], rtol=1e-12)
 
 
 def test_offset_points_to_the_scan() -> None:
     r = residuals.scan_to_model(CORNERS.symbol, FACES, OUTSIDE, sigma=1.0, form=offset)
-    found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual.reshape(-1, 3)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), DISTANCES, rtol=1e-12)
-    np.testing.assert_allclose(found[0], [0, 0, -0.1], atol=1e-15)
+    here = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual.reshape(-1, 3)
+    np.testing.assert_allclose(np.linalg.norm(here, axis=1), DISTANCES, rtol=1e-12)
+    np.testing.assert_allclose(here[0], [0, 0, -0.1], atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -174,12 +174,12 @@ def test_normals_choose_the_side_of_a_thin_sheet() -> None:
     sheet = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0.2], [1, 0, 0.2], [0, 1, 0.2]])
     faces, place = np.array([[0, 2, 1], [3, 4, 5]]), Block("sheet", (6, 3), "m")  # down, and up
     scan, up = [[0.2, 0.2, 0.05]], [[0.0, 0.0, 1.0]]
-    found = {}
+    distances = {}
     for name, options in (("near", {}), ("oriented", {"normals": up, "within": 1.0})):
         r = residuals.scan_to_model(place.symbol, faces, scan, sigma=1.0, **options)
-        found[name] = Problem([r], "sheet").linearize({"sheet": sheet}).residual
-    np.testing.assert_allclose(found["near"], [-0.05], rtol=1e-12)
-    np.testing.assert_allclose(found["oriented"], [-0.15], rtol=1e-12)
+        distances[name] = Problem([r], "sheet").linearize({"sheet": sheet}).residual
+    np.testing.assert_allclose(distances["near"], [-0.05], rtol=1e-12)
+    np.testing.assert_allclose(distances["oriented"], [-0.15], rtol=1e-12)
 
 
 def test_scan_weights_stand_outside_of_the_kernel() -> None:
@@ -189,8 +189,8 @@ def test_scan_weights_stand_outside_of_the_kernel() -> None:
     )
     s = (DISTANCES / 0.1) ** 2
     expected = 0.5 * np.sum(weights * s / (1 + s / 4))
-    found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).cost
-    assert found == pytest.approx(expected, rel=1e-12)
+    here = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).cost
+    assert here == pytest.approx(expected, rel=1e-12)
 
 
 def complain(run: Callable[[], object], *words: str) -> None:
@@ -234,9 +234,9 @@ def test_free_space_behind_the_scan_is_zero() -> None:
 
 
 def test_free_space_in_front_is_the_depth() -> None:
-    found = metres_off([[0, 0, 0.02], [0, 0, 0.5], [0.2, 0.1, 1.0]])
+    distances = metres_off([[0, 0, 0.02], [0, 0, 0.5], [0.2, 0.1, 1.0]])
     depth = np.linalg.norm([0.4, 0.2, 2]) - np.linalg.norm([0.2, 0.1, 1])
-    np.testing.assert_allclose(found, [0, 0.47, depth - 0.03], atol=5e-3)
+    np.testing.assert_allclose(distances, [0, 0.47, depth - 0.03], atol=5e-3)
 
 
 def test_free_space_beside_is_the_distance_to_rays() -> None:

@@ -43,8 +43,8 @@ def test_gaps_match_distances_of_segments() -> None:
             e[1, 1] = e[1, 0] + (e[0, 1] - e[0, 0]) * rng.uniform(-1, 1)  # parallel
         elif trial < 20:
             e[0, 1], e[3, 1] = e[0, 0], e[3, 0]  # spheres
-        found = np.asarray(f(e.reshape(8, 3).T)).ravel()
-        assert np.allclose(found, segment_distances(e[:, 0], e[:, 1], pairs), atol=1e-12)
+        distances = np.asarray(f(e.reshape(8, 3).T)).ravel()
+        assert np.allclose(distances, segment_distances(e[:, 0], e[:, 1], pairs), atol=1e-12)
         slopes = np.asarray(
             cs.Function("J", [ends.symbol], [f.jacobian()(ends.symbol, 0)])(e.reshape(8, 3).T)
         )

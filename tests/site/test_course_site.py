@@ -14,7 +14,7 @@ from workbench.course import notebooks
 from workbench.course.cells import Cell, cells, only_imports
 from workbench.course.notebooks import notebook, tool, without_results
 from workbench.course.outline import lecture
-from workbench.course.site import NEEDED, write_course_site
+from workbench.course.site import SITE_TOOLS, write_course_site
 from workbench.errors import BadFile
 from workbench.lectures.outline import COURSE
 
@@ -76,8 +76,8 @@ def test_site_is_whole_and_loads_nothing_from_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every link leads somewhere, and nothing is loaded from elsewhere. No cell is run here."""
-    have(*NEEDED)
-    monkeypatch.setattr(notebooks, "carried_out", not_run)
+    have(*SITE_TOOLS)
+    monkeypatch.setattr(notebooks, "run_cells", not_run)
     out = tmp_path / "new" / "site"
     assert write_course_site(out) == out / "index.html"
     pages = {path.name: links for path, links in pages_of(out).items()}

@@ -215,9 +215,10 @@ def test_sparse_problems_end_where_dense_ones_do(
     solver: Solver = SPARSE[name]
     expected = solver.solve(frames(bounds=bounds), start())
     always_sparse(monkeypatch)
-    found = solver.solve(frames(bounds=bounds), start())
-    assert found.status is Status.CONVERGED is expected.status, (found.message, expected.message)
-    assert found.violation <= 1
+    solution = solver.solve(frames(bounds=bounds), start())
+    messages = solution.message, expected.message
+    assert solution.status is Status.CONVERGED is expected.status, messages
+    assert solution.violation <= 1
     # the gradient is zero to 1e-6 of the residual in both, and the cost is quadratic there
-    np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-5)
-    assert found.cost == pytest.approx(expected.cost, rel=1e-6)
+    np.testing.assert_allclose(solution.values["q"], expected.values["q"], rtol=0, atol=1e-5)
+    assert solution.cost == pytest.approx(expected.cost, rel=1e-6)

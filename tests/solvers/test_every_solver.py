@@ -71,8 +71,8 @@ def test_they_reach_the_same_minimum(build: Callable[[], Any], name: str) -> Non
     # the cost is flat: off by half the square of the optimality, 1e-12 of it
     assert solution.cost == pytest.approx(expected.cost, rel=1e-9)
     assert solution.cost > 1
-    found = problem.free.pack(solution.values)
-    np.testing.assert_allclose(found, expected.x, atol=1e-4)
+    x = problem.free.pack(solution.values)
+    np.testing.assert_allclose(x, expected.x, atol=1e-4)
 
 
 @EACH_SOLVER

@@ -222,8 +222,8 @@ def test_residuals_far_below_one_sigma_are_fitted(unit: float) -> None:
     solution = solve(of(rows), {"x": [1e-34 / unit, 1.0]})
     assert solution.converged
     exact = np.linalg.lstsq(np.c_[nu * h, np.full(5, -work)], h * nu - work + noise, rcond=None)[0]
-    found = solution.values["x"] * [unit / h, 1e-19 / work]
-    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    in_units = solution.values["x"] * [unit / h, 1e-19 / work]
+    np.testing.assert_allclose(in_units, exact, rtol=1e-9)
 
 
 @pytest.mark.parametrize("scale", [1e-20, 1e-10, 1e10, 1e20])

@@ -20,10 +20,9 @@ from workbench import (
     Status,
     Values,
 )
-from workbench.errors import BadArgument
 from workbench.problem.steps import automatic
 from workbench.solvers import Ipopt, Sqp, chumpy, columns, identity
-from workbench.solvers.dogleg import FIRST, cauchy_point, dogleg_step
+from workbench.solvers.dogleg import FIRST_SHARE, cauchy_point, dogleg_step
 from workbench.solvers.trust_region import box_step
 
 FAR = [{"x": np.array(x)} for x in ([-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0])]
@@ -36,11 +35,10 @@ FROM_FAR = pytest.mark.parametrize("start", FAR, ids=lambda start: str(start["x"
     [
         LevenbergMarquardt(max_iterations=1000),
         LevenbergMarquardt(scaling=columns, max_iterations=1000),
-        LevenbergMarquardt(steps_per_jacobian=2),
         Dogleg(max_iterations=1000),
         Dogleg(rule=chumpy, max_iterations=1000),
     ],
-    ids=["identity", "columns", "two steps", "dogleg", "chumpy"],
+    ids=["identity", "columns", "dogleg", "chumpy"],
 )
 def test_cost_falls_with_every_iterate(solver: Solver, start: Values) -> None:
     solution = solver.solve(rosenbrock()[0], start)
@@ -84,29 +82,6 @@ def test_levenberg_marquardt_steps_are_the_damped_ones() -> None:
 def test_damping_falls_as_fast_as_it_may_when_every_gain_is_one() -> None:
     dampings = [i.damping for i in LevenbergMarquardt().solve(*line()).trace]
     np.testing.assert_allclose(np.divide(dampings[1:], dampings[:-1]), 0.1)
-
-
-# Several steps with each Jacobian.
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_steps_with_one_jacobian_raise_the_order_by_one_each(count: int) -> None:
-    """From half as far, all of them together end 2^(m + 1) times as near (Shamanskii 1967)."""
-    x, root = Block("x", (2,)).symbol, np.array([0.5, -0.3])
-    left = cs.vertcat(cs.exp(x[0]) + x[1] ** 2 + x[0] * x[1], x[0] + cs.sin(x[1]) + x[0] ** 3)
-    right = cs.Function("right", [x], [left])(root)
-    problem = Problem((Residual("equations", left - right, 1.0),), ("x",))
-    solver = LevenbergMarquardt(steps_per_jacobian=count, first_damping=1e-15, max_iterations=1)
-    away = [
-        np.linalg.norm(solver.solve(problem, {"x": root + offset}).trace[1].values["x"] - root)
-        for offset in (np.array([0.02, 0.01]), np.array([0.01, 0.005]))
-    ]
-    assert np.log2(away[0] / away[1]) == pytest.approx(count + 1, abs=0.1)
-
-
-def test_steps_per_jacobian_must_be_one_or_more() -> None:
-    with pytest.raises(BadArgument, match="`steps_per_jacobian` must be 1, for the plain method"):
-        LevenbergMarquardt(steps_per_jacobian=0)
 
 
 # Between bounds.
@@ -269,5 +244,5 @@ def test_first_step_keeps_to_the_radius(solver: Solver, start: tuple[float, floa
     solution = solver.solve(problem, values)
     assert solution.converged
     np.testing.assert_allclose(solution.values["x"], [2.0, 1.5], rtol=1e-6)
-    radius = FIRST * np.linalg.norm(values["x"])
+    radius = FIRST_SHARE * np.linalg.norm(values["x"])
     assert solution.trace[1].step_norm <= radius * (1 + 1e-12)

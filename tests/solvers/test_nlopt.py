@@ -42,8 +42,8 @@ def test_derivatives_are_asked_for_by_those_who_need_them(name: str) -> None:
 
 def test_bounds_may_be_nearer_than_the_usual_first_step() -> None:
     problem = Problem(boxed().residuals, ("x",), {"x": ([0.0, 0.0], [0.05, 1.0])})
-    found = Nlopt("LN_BOBYQA").solve(problem, {"x": np.array([0.01, 0.5])})
-    np.testing.assert_allclose(found.values["x"], [0.05, 0.0025], atol=1e-4)
+    solution = Nlopt("LN_BOBYQA").solve(problem, {"x": np.array([0.01, 0.5])})
+    np.testing.assert_allclose(solution.values["x"], [0.05, 0.0025], atol=1e-4)
 
 
 @EACH

@@ -1,5 +1,6 @@
 """The judge of every run: what a solver says of itself does not count."""
 
+import weakref
 from dataclasses import replace
 
 import casadi as cs
@@ -8,7 +9,8 @@ import pytest
 
 from tests.solvers.problems import TEN, decay, rosenbrock
 from tests.tiers import few
-from workbench import SOLVERS, Block, GaussNewton, Problem, Residual, Status
+from workbench import SOLVERS, Block, GaussNewton, Linearization, Problem, Residual, Status
+from workbench.arrays import Array
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
 from workbench.solvers.limits import Stop
@@ -96,3 +98,21 @@ def test_abilities_are_what_they_do(name: str) -> None:
     if abilities.derivative is Derivative.COST:
         assert asked[2] <= 2  # the scaling at the start, and the judge at the end
     assert not (abilities.is_global and abilities.bounds is not Boxes.NEEDED)
+
+
+@pytest.mark.parametrize("name", ["trust-region", "gauss-newton", "levenberg-marquardt", "dogleg"])
+def test_the_memory_of_a_linearization_serves_the_next_one(name: str) -> None:
+    problem, start = rosenbrock()
+    linearize, alive = problem.linearize_at, weakref.WeakSet[Linearization]()
+    counts = []
+
+    def watched(x: Array, fixed: Array) -> Linearization:
+        counts.append(len(alive))
+        here = linearize(x, fixed)
+        alive.add(here)
+        return here
+
+    problem.linearize_at = watched  # type: ignore[method-assign]
+    assert SOLVERS[name].solve(problem, start).converged
+    assert len(counts) > 5
+    assert set(counts) == {0}

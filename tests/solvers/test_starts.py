@@ -27,7 +27,7 @@ from workbench import (
 )
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes import FORKING
-from workbench.solvers import Iterate, Solution, SolveStage, within_bounds
+from workbench.solvers import DEFAULT, Iterate, Solution, SolveStage, within_bounds
 from workbench.solvers.starts import all_seen, further_minima
 
 OMEGA = 4.0
@@ -207,6 +207,10 @@ def test_starts_and_stages_go_on_beyond_a_saddle() -> None:
 STAGES = (("trans",), ("trans", "pose"))
 
 
+def test_stages_and_several_starts_are_solved_by_the_default_solver() -> None:
+    assert Staged(STAGES).solver == Starts(2).solver == SOLVERS[DEFAULT]
+
+
 @pytest.mark.parametrize("name", ["levenberg-marquardt", "nlopt-lbfgs"])
 def test_stages_end_where_all_blocks_at_once_end(name: str) -> None:
     problem, start = body_fit()
@@ -272,5 +276,7 @@ def test_stages_are_tuples_of_names() -> None:
         Staged(("trans", "pose"))  # type: ignore[arg-type]
     with pytest.raises(BadArgument, match=r"not \(\)"):
         Staged(((),))
+    with pytest.raises(BadArgument, match=r"not \('trans', 1\)"):
+        Staged((("trans", 1),))  # type: ignore[arg-type]
     with pytest.raises(UnknownName, match="no free block is called 'poze'; there are"):
         Staged((("poze",),)).solve(*body_fit())

@@ -22,7 +22,7 @@ from workbench import (
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.problem.steps import Step, automatic
-from workbench.solvers.trust_region import LEAST, MOST, box_step, step_within
+from workbench.solvers.trust_region import LONGEST_STEP, SHORTEST_STEP, box_step, step_within
 
 
 def graded(seed: int, n: int, weakest: float) -> Linearization:
@@ -56,7 +56,7 @@ def test_a_step_is_the_best_of_its_length(weakest: float, share: float, first: f
     step, damping = step_within(radius, damped_in(here, counted), steepness, first)
     assert step is not None
     assert damping > 0
-    assert LEAST * radius <= np.linalg.norm(step.p) <= MOST * radius
+    assert SHORTEST_STEP * radius <= np.linalg.norm(step.p) <= LONGEST_STEP * radius
     np.testing.assert_allclose(here.normal @ step.p + damping * step.p, -here.gradient, atol=1e-10)
     assert len(counted) <= 12
 
@@ -69,16 +69,16 @@ def test_the_cost_falls_within_the_region(start: list[float]) -> None:
     np.testing.assert_allclose(solution.values["x"], [1, 1], atol=1e-5)
     assert (np.diff([one.cost for one in solution.trace]) < 0).all()
     lengths = [one.step_norm for one in solution.trace[1:]]
-    assert lengths[0] <= MOST * np.linalg.norm(start)
-    bent = 1 + module.BENT / 2
+    assert lengths[0] <= LONGEST_STEP * np.linalg.norm(start)
+    bent = 1 + module.LARGEST_ACCELERATION / 2
     for before, after in itertools.pairwise(lengths):
-        assert after <= 2 * MOST * bent * before
+        assert after <= 2 * LONGEST_STEP * bent * before
 
 
 @pytest.mark.parametrize("radius", [1e-3, 0.1, 1.0])
 def test_the_first_step_has_the_first_radius(radius: float) -> None:
     solution = TrustRegion(first_radius=radius, max_iterations=1).solve(*line())
-    assert LEAST * radius <= solution.trace[1].step_norm <= MOST * radius
+    assert SHORTEST_STEP * radius <= solution.trace[1].step_norm <= LONGEST_STEP * radius
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, np.inf, np.nan])
@@ -157,7 +157,7 @@ def test_dependent_columns_do_no_harm() -> None:
 def test_a_start_that_is_nearly_zero_is_left(start: float) -> None:
     x = Block("x", (1,))
     problem = Problem([Residual("r", x.symbol + 1, 1.0)], ["x"])
-    found = TrustRegion().solve(problem, {"x": np.array([start])})
-    assert found.status.name == "CONVERGED"
-    assert found.values["x"] == pytest.approx(-1)
-    assert found.iterations <= 2
+    solution = TrustRegion().solve(problem, {"x": np.array([start])})
+    assert solution.status.name == "CONVERGED"
+    assert solution.values["x"] == pytest.approx(-1)
+    assert solution.iterations <= 2

@@ -51,9 +51,9 @@ def test_rays_go_through_the_middles_of_pixels() -> None:
     (scanner,) = scanners(1, height=0.4, turn=1.0, size=(7, 5))
     camera = Camera()
     values = camera.values(K=scanner.K, R=scanner.R, t=scanner.t)
-    found = camera.pixels(scanner.place + 1.7 * scanner.directions(), values)
+    pixels = camera.pixels(scanner.place + 1.7 * scanner.directions(), values)
     u, v = np.meshgrid(np.arange(7) + 0.5, np.arange(5) + 0.5)
-    np.testing.assert_allclose(found, np.stack([u.ravel(), v.ravel()], axis=1), atol=1e-9)
+    np.testing.assert_allclose(pixels, np.stack([u.ravel(), v.ravel()], axis=1), atol=1e-9)
     np.testing.assert_allclose(scanner.seen(scanner.place + scanner.directions())[:, 2], 1)
 
 
@@ -88,9 +88,9 @@ def test_visibility_agrees_with_an_exhaustive_search() -> None:
     (scanner,) = scanners(1, turn=0.5, height=0.2)
     far = every_hit(BENT, BODY.faces, scanner.place, BENT - scanner.place)
     expected = far.min(axis=1) > 1 - 1e-7
-    found = visible(BENT, BODY.faces, scanner)
-    np.testing.assert_array_equal(found, expected)
-    assert 0.2 < found.mean() < 0.6
+    seen = visible(BENT, BODY.faces, scanner)
+    np.testing.assert_array_equal(seen, expected)
+    assert 0.2 < seen.mean() < 0.6
 
 
 def test_scanners_that_cannot_be_are_refused() -> None:

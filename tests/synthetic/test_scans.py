@@ -50,12 +50,12 @@ def without(effect: str, seed: int = 0) -> SimulatedScan:
 
 def rays(made: SimulatedScan) -> list[tuple[int, int]]:
     """View and pixel of every point of the body."""
-    found: list[tuple[int, int]] = []
+    pixels: list[tuple[int, int]] = []
     for number, scanner in enumerate(FOUR):
         x, y, z = scanner.seen(made.scan.points[(made.view == number) & ~made.clutter]).T
         u, v = np.floor(164 * x / z + 75), np.floor(164 * y / z + 100)
-        found += [(number, int(pixel)) for pixel in v * 150 + u]
-    return found
+        pixels += [(number, int(pixel)) for pixel in v * 150 + u]
+    return pixels
 
 
 def depths(made: SimulatedScan, points: np.ndarray) -> np.ndarray:
@@ -197,7 +197,7 @@ def test_holes_hold_no_points() -> None:
 
 
 def test_scans_of_nothing_are_refused() -> None:
-    given = {"vertices": BENT, "faces": BODY.faces, "scanners": FOUR, "seed": 0}
+    usual = {"vertices": BENT, "faces": BODY.faces, "scanners": FOUR, "seed": 0}
     away = Crate(away=30.0, angle=np.pi / 4)
     bad: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"scanners": ()}, BadArgument, "scanners of a simulated scan"),
@@ -210,7 +210,7 @@ def test_scans_of_nothing_are_refused() -> None:
     ]
     for arguments, error, says in bad:
         with pytest.raises(error, match=says):
-            scan(**given | arguments)
+            scan(**usual | arguments)
 
 
 def test_effects_that_make_no_sense_are_refused() -> None:

@@ -11,11 +11,7 @@ from tests.tiers import few
 from workbench.arrays import Array
 from workbench.bodies.forward.posing import unpose
 from workbench.geometry.mirror import NoMirror, find_mirror
-from workbench.synthetic.made_up import (
-    draw_registrations,
-    jointed_tube,
-    random_smpl,
-)
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas, SkinningPass
 from workbench.training.execution import Execution, Processes
@@ -81,8 +77,8 @@ def test_many_shares_agree_with_single_ones() -> None:
     starts = np.full((12, 6), 1 / 6)
     starts[5] = np.eye(6)[2]
     every = np.ones((12, 6), dtype=bool)
-    found = many_shares(grams, rights, starts, every)
-    for G, c, w, start in zip(grams, rights, found, starts, strict=True):
+    solutions = many_shares(grams, rights, starts, every)
+    for G, c, w, start in zip(grams, rights, solutions, starts, strict=True):
         np.testing.assert_allclose(w, shares(G, c, start), atol=1e-12)
     allowed = every.copy()
     allowed[:, 4] = False
@@ -95,16 +91,16 @@ def test_joint_regressor_holds_for_other_shapes() -> None:
     betas = np.random.default_rng(8).standard_normal((5, 2))
     people = BODY.vertices(betas=betas)
     joints = np.stack([BODY.J_regressor @ person for person in people])
-    found = fit_joint_regressor(people[:3], joints[:3], START.rings())
-    assert found.kkt < 1e-8
-    rows = found.matrix.toarray()
+    regressor = fit_joint_regressor(people[:3], joints[:3], START.rings())
+    assert regressor.kkt < 1e-8
+    rows = regressor.matrix.toarray()
     assert rows.min() >= 0
     np.testing.assert_allclose(rows.sum(axis=1), 1, atol=1e-14)
-    away = np.stack([found.matrix @ person for person in people]) - joints
+    away = np.stack([regressor.matrix @ person for person in people]) - joints
     assert np.abs(away[:, 1:]).max() < 1e-9  # also of the two that it has not seen
     assert np.abs(rows - BODY.J_regressor.toarray())[1:].max() > 0.01  # a row is not determined
     hull = people.min(axis=1)[:, None] - 1e-12, people.max(axis=1)[:, None] + 1e-12
-    regressed = np.stack([found.matrix @ person for person in people])
+    regressed = np.stack([regressor.matrix @ person for person in people])
     assert ((hull[0] <= regressed) & (regressed <= hull[1])).all()
 
 
@@ -114,10 +110,10 @@ def test_blocks_lower_the_cost_and_stay_at_the_truth(block: str) -> None:
     away = true_estimate().moved(a_change(true_estimate(), 0.005))
     kept = away.weights.clip(0)
     away = replace(away, weights=kept / kept.sum(axis=1, keepdims=True))
-    found, _ = BLOCKS[block](BlockInput(held, START.faces), away)
-    assert held.cost(found) < 0.999 * held.cost(away)
-    np.testing.assert_allclose(found.weights.sum(axis=1), 1, atol=1e-13)
-    assert found.weights.min() >= 0
+    fitted, _ = BLOCKS[block](BlockInput(held, START.faces), away)
+    assert held.cost(fitted) < 0.999 * held.cost(away)
+    np.testing.assert_allclose(fitted.weights.sum(axis=1), 1, atol=1e-13)
+    assert fitted.weights.min() >= 0
     at, _ = BLOCKS[block](BlockInput(held, START.faces), true_estimate())
     assert held.cost(at) < 1e-15
 

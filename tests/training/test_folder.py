@@ -37,15 +37,15 @@ def opened(folder: Path) -> FolderRegistrations:
 
 def test_formats_are_read_in_the_order_of_the_table(tmp_path: Path) -> None:
     made_folder(tmp_path)
-    found = opened(tmp_path)
-    assert found.subjects == ("person 0", "person 1", "person 2", "person 9")
-    assert found.subject.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 3]
-    batch = found.read(slice(0, 9))
+    registrations = opened(tmp_path)
+    assert registrations.subjects == ("person 0", "person 1", "person 2", "person 9")
+    assert registrations.subject.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 3]
+    batch = registrations.read(slice(0, 9))
     np.testing.assert_allclose(batch.vertices, DATA.vertices, atol=1e-6)
-    poses, shapes = found.only("poses"), found.only("shapes")
+    poses, shapes = registrations.only("poses"), registrations.only("shapes")
     assert (len(poses.rows), len(shapes.rows)) == (7, 2)
     assert shapes.subject.tolist() == [0, 1]  # numbered anew
-    assert len(found.only("poses", "female").rows) == 3
+    assert len(registrations.only("poses", "female").rows) == 3
     np.testing.assert_allclose(shapes.read(slice(1, 2)).vertices[0], DATA.vertices[8], atol=1e-6)
 
 
@@ -130,10 +130,10 @@ def test_tables_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
 
 def test_start_round_trips(tmp_path: Path) -> None:
     write_start(START, tmp_path / "start.npz")
-    found = read_start(tmp_path / "start.npz")
-    np.testing.assert_array_equal(found.template, START.template)
-    np.testing.assert_array_equal(found.segmentation, START.segmentation)
-    assert (found.parents, found.joint_names) == (START.parents, START.joint_names)
+    start = read_start(tmp_path / "start.npz")
+    np.testing.assert_array_equal(start.template, START.template)
+    np.testing.assert_array_equal(start.segmentation, START.segmentation)
+    assert (start.parents, start.joint_names) == (START.parents, START.joint_names)
     small = read_start("small")
     assert isinstance(small, Start)
     assert len(small.template) == 369

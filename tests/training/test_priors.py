@@ -40,8 +40,8 @@ HELD = replace(OBJECTIVE, freedom=PRIOR, first_posedirs=BODY.posedirs + 0.001)
 @pytest.mark.parametrize("term", ["E_T", "E_P"])
 def test_terms_are_those_of_the_symbols(term: str) -> None:
     symbolic = SymbolicTraining.of(BODY, HELD)
-    found = symbolic.problem([term]).linearize(symbolic.values(ESTIMATE)).cost
-    assert found == pytest.approx(HELD.costs(ESTIMATE)[term], rel=1e-8)
+    cost = symbolic.problem([term]).linearize(symbolic.values(ESTIMATE)).cost
+    assert cost == pytest.approx(HELD.costs(ESTIMATE)[term], rel=1e-8)
 
 
 def matrices(count: int) -> np.ndarray:

@@ -40,9 +40,9 @@ def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0
     exact = Objective(data, start.rings(), start.weights(), None, FREE)
     fitted = Objective(noisy, start.rings(), start.weights(), None, FREE)
     at = at_the_truth(body, truth)
-    given = BlockInput(fitted, start.faces, BlockOptions(products=400))
-    found, _ = BLOCKS["surfaces"](given, at)
-    return exact.rms(found)
+    context = BlockInput(fitted, start.faces, BlockOptions(products=400))
+    estimate, _ = BLOCKS["surfaces"](context, at)
+    return exact.rms(estimate)
 
 
 def test_error_falls_with_registrations_as_predicted() -> None:

@@ -11,10 +11,7 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.synthetic.made_up import jointed_tube, random_smpl
-from workbench.training.rigging.decomposition import (
-    bones_needed,
-    noise_of,
-)
+from workbench.training.rigging.decomposition import bones_needed, noise_of
 from workbench.training.rigging.rig import Rigged, pose_rms, rig
 from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 
@@ -59,17 +56,17 @@ class Compared:
     edges: int
 
 
-def compared(found: SkinnedBody, truth: SkinnedBody) -> Compared:
+def compared(body: SkinnedBody, truth: SkinnedBody) -> Compared:
     """Bones of two bodies matched by their weights, and their joints by the bones that they join.
 
-    `found` may have fewer bones than the truth, but then some are matched with none.
+    `body` may have fewer bones than the truth, but then some are matched with none.
     """
-    gaps = np.abs(found.weights[:, :, None] - truth.weights[:, None]).max(axis=0)
+    gaps = np.abs(body.weights[:, :, None] - truth.weights[:, None]).max(axis=0)
     own, other = linear_sum_assignment(gaps)
     true = dict(zip(own.tolist(), other.tolist(), strict=True))
     places, away, edges = truth.joints(), [0.0], 0
-    for k, place in enumerate(found.joints()):
-        a, b = true[k], true[found.parents[k]] if k else -1
+    for k, place in enumerate(body.joints()):
+        a, b = true[k], true[body.parents[k]] if k else -1
         for child, parent in ((a, b), (b, a)):
             if k and truth.parents[child] == parent:
                 edges += 1
@@ -88,54 +85,54 @@ def test_rank_of_meshes_counts_bones() -> None:
 
 @pytest.mark.parametrize("sigma", [2e-4, 3e-3])
 def test_singular_values_tell_the_noise(sigma: float) -> None:
-    given = driven(24, seed=1).meshes
-    noisy = given + sigma * np.random.default_rng(0).standard_normal(given.shape)
+    meshes = driven(24, seed=1).meshes
+    noisy = meshes + sigma * np.random.default_rng(0).standard_normal(meshes.shape)
     assert noise_of(noisy) == pytest.approx(sigma, rel=0.02)
     assert bones_needed(noisy, 1.05 * np.sqrt(3) * sigma) == 6
     assert bones_needed(noisy, 1e-4) > 10
     assert noise_of(noisy[:9]) is None  # 19 of 27 singular values are motion
-    assert noise_of(given) is None
+    assert noise_of(meshes) is None
 
 
 def test_tube_is_rigged_and_explains_held_out_meshes() -> None:
-    given = driven(24, seed=1)
+    truth = driven(24, seed=1)
     parts: list[str] = []
-    found = rig(
-        given.meshes,
-        given.body.faces,
-        rest=given.body.template,
+    result = rig(
+        truth.meshes,
+        truth.body.faces,
+        rest=truth.body.template,
         report=lambda what, done, of: parts.append(what),
     )
-    agreement = compared(found.body, given.body)
+    agreement = compared(result.body, truth.body)
     assert agreement.edges == 5
     assert agreement.weights < 1e-6
     assert agreement.joints < 1e-6
-    assert found.rms < 1e-8
-    assert pose_rms(found.body, driven(3, seed=9).meshes) < 1e-8
+    assert result.rms < 1e-8
+    assert pose_rms(result.body, driven(3, seed=9).meshes) < 1e-8
     assert {"bones, turn 1", "skeleton"} <= set(parts)
-    assert len(found.notes) == 1
-    assert "the joint of root" in found.notes[0]
-    motion = found.motion(30.0)
-    again = found.body.vertices(motion.pose[4], trans=motion.trans[4])
-    np.testing.assert_allclose(again, given.meshes[4], atol=1e-8)
+    assert len(result.notes) == 1
+    assert "the joint of root" in result.notes[0]
+    motion = result.motion(30.0)
+    again = result.body.vertices(motion.pose[4], trans=motion.trans[4])
+    np.testing.assert_allclose(again, truth.meshes[4], atol=1e-8)
 
 
 def test_meshes_of_single_precision_keep_their_rest_pose() -> None:
     """As meshes of files are rounded: a template that is free would only explain the rounding."""
-    given = driven(12, seed=3)
-    meshes, rest = (x.astype(np.float32).astype(float) for x in (given.meshes, given.body.template))
-    found = rig(meshes, given.body.faces, rest=rest)
-    agreement = compared(found.body, given.body)
+    truth = driven(12, seed=3)
+    meshes, rest = (x.astype(np.float32).astype(float) for x in (truth.meshes, truth.body.template))
+    result = rig(meshes, truth.body.faces, rest=rest)
+    agreement = compared(result.body, truth.body)
     assert agreement.edges == 5
     assert agreement.weights < 1e-4
-    assert found.rms < 1e-7
-    np.testing.assert_allclose(found.body.template, rest, atol=1e-12)
+    assert result.rms < 1e-7
+    np.testing.assert_allclose(result.body.template, rest, atol=1e-12)
 
 
 @pytest.mark.thorough
 def test_interrupted_rig_continues_and_is_the_same(tmp_path: Path) -> None:
     """A part of the rig as well: it is a body on the true tree, less exact."""
-    given = driven(24, seed=1)
+    truth = driven(24, seed=1)
     place, said = tmp_path / "checkpoint.npz", []
 
     def interrupting(what: str, done: int, of: int) -> None:
@@ -144,8 +141,8 @@ def test_interrupted_rig_continues_and_is_the_same(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     def rigged(steps: RigSteps, report: RigProgress = silent, bones: int | None = None) -> Rigged:
-        rest, faces = given.body.template, given.body.faces
-        return rig(given.meshes, faces, rest=rest, bones=bones, report=report, steps=steps)
+        rest, faces = truth.body.template, truth.body.faces
+        return rig(truth.meshes, faces, rest=rest, bones=bones, report=report, steps=steps)
 
     with pytest.raises(KeyboardInterrupt):
         rigged(steps := RigSteps(place), interrupting)
@@ -155,57 +152,57 @@ def test_interrupted_rig_continues_and_is_the_same(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="another number of bones"):
         rigged(RigSteps(place), bones=7)
     again: list[str] = []
-    found = rigged(RigSteps(place), lambda what, done, of: again.append(what))
+    result = rigged(RigSteps(place), lambda what, done, of: again.append(what))
     assert len(again) < len(said) + 3
     whole = rigged(RigSteps())
-    np.testing.assert_array_equal(found.body.weights, whole.body.weights)
-    np.testing.assert_array_equal(found.poses, whole.poses)
-    assert found.rms == whole.rms < 1e-8
+    np.testing.assert_array_equal(result.body.weights, whole.body.weights)
+    np.testing.assert_array_equal(result.poses, whole.poses)
+    assert result.rms == whole.rms < 1e-8
 
 
 @pytest.mark.thorough
 def test_rest_pose_is_found() -> None:
     """From a mesh in another pose: in no bent mesh is the skin where linear blending has it."""
-    given = driven(24, seed=1)
-    bent = given.body.vertices(0.15 * np.random.default_rng(4).standard_normal((6, 3)))
-    found = rig(given.meshes, given.body.faces, rest=bent)
-    assert found.rms < 1e-8
-    assert found.body.n_joints == 6
-    assert np.abs(found.body.template - bent).max() > 0.005  # m
-    assert pose_rms(found.body, driven(3, seed=9).meshes) < 1e-8
+    truth = driven(24, seed=1)
+    bent = truth.body.vertices(0.15 * np.random.default_rng(4).standard_normal((6, 3)))
+    result = rig(truth.meshes, truth.body.faces, rest=bent)
+    assert result.rms < 1e-8
+    assert result.body.n_joints == 6
+    assert np.abs(result.body.template - bent).max() > 0.005  # m
+    assert pose_rms(result.body, driven(3, seed=9).meshes) < 1e-8
 
 
 @pytest.mark.thorough
 def test_hinges_are_named() -> None:
     allowed = np.ones((6, 3))
     allowed[3] = [0, 0, 1]
-    given = driven(24, seed=1, allowed=allowed)
-    found = rig(given.meshes, given.body.faces, rest=given.body.template)
-    assert found.rms < 1e-8
-    assert compared(found.body, given.body).edges == 5
-    (hinge,) = (note for note in found.notes if "one axis" in note)
+    truth = driven(24, seed=1, allowed=allowed)
+    result = rig(truth.meshes, truth.body.faces, rest=truth.body.template)
+    assert result.rms < 1e-8
+    assert compared(result.body, truth.body).edges == 5
+    (hinge,) = (note for note in result.notes if "one axis" in note)
     assert "may slide along (0.00, 0.00, 1.00) by any distance" in hinge
 
 
 @pytest.mark.thorough
 def test_noise_asks_for_no_further_bones() -> None:
-    given = driven(24, seed=1)
-    noise = 0.001 * np.random.default_rng(0).standard_normal(given.meshes.shape)
-    found = rig(given.meshes + noise, given.body.faces, rest=given.body.template)
-    agreement = compared(found.body, given.body)
-    assert found.body.n_joints == 6
+    truth = driven(24, seed=1)
+    noise = 0.001 * np.random.default_rng(0).standard_normal(truth.meshes.shape)
+    result = rig(truth.meshes + noise, truth.body.faces, rest=truth.body.template)
+    agreement = compared(result.body, truth.body)
+    assert result.body.n_joints == 6
     assert agreement.edges == 5
     assert agreement.joints < 0.003  # m
-    assert 0.8 < found.rms / (0.001 * np.sqrt(3)) < 1
+    assert 0.8 < result.rms / (0.001 * np.sqrt(3)) < 1
 
 
 def test_one_bone_is_a_body_without_a_tree() -> None:
-    given = driven(6, seed=1, allowed=np.eye(6)[:, :1] * np.ones((6, 3)))
-    found = rig(given.meshes, given.body.faces, rest=given.body.template)
-    assert found.body.parents == (-1,)
-    assert found.rms < 1e-8
-    noise = 0.001 * np.random.default_rng(0).standard_normal(given.meshes.shape)
-    noisy = rig(given.meshes + noise, given.body.faces, rest=given.body.template)
+    truth = driven(6, seed=1, allowed=np.eye(6)[:, :1] * np.ones((6, 3)))
+    result = rig(truth.meshes, truth.body.faces, rest=truth.body.template)
+    assert result.body.parents == (-1,)
+    assert result.rms < 1e-8
+    noise = 0.001 * np.random.default_rng(0).standard_normal(truth.meshes.shape)
+    noisy = rig(truth.meshes + noise, truth.body.faces, rest=truth.body.template)
     assert noisy.body.parents == (-1,)
 
 

@@ -84,17 +84,17 @@ def test_large_mesh_is_trained_coarse_first(tmp_path: Path) -> None:
     data, start = objective.registrations, Start.of(BODY)
     quick = Plan((Stage(Sigmas(), ("rest", "poses", "surfaces"), 1, QUICK),), 2)
     train = partial(train_coarse_first, data, start, quick, folder=tmp_path, coarse=300)
-    found = train()
-    assert [entry.block for entry in found.log][:3] == ["rest", "poses", "surfaces"]
-    assert len(found.log) > 6
-    assert found.estimate.templates.shape == truth.templates.shape
-    assert found.objective.rms(found.estimate) < 0.002
-    near = found.objective.locality
+    model = train()
+    assert [entry.block for entry in model.log][:3] == ["rest", "poses", "surfaces"]
+    assert len(model.log) > 6
+    assert model.estimate.templates.shape == truth.templates.shape
+    assert model.objective.rms(model.estimate) < 0.002
+    near = model.objective.locality
     assert near is not None
     assert 0.05 < near.mean() < 0.5
-    assert not found.estimate.posedirs[~near[:, None] & np.ones((1, 3, 1), bool)].any()
+    assert not model.estimate.posedirs[~near[:, None] & np.ones((1, 3, 1), bool)].any()
     again = train()
-    for name, array in found.estimate.arrays().items():
+    for name, array in model.estimate.arrays().items():
         assert np.array_equal(array, again.estimate.arrays()[name])
 
 

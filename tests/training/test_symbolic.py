@@ -50,9 +50,9 @@ VALUES = SYMBOLIC.values(ESTIMATE)
 @pytest.mark.thorough
 def test_terms_are_those_of_the_blocks() -> None:
     for term in TERMS:
-        found = SYMBOLIC.problem([term]).linearize(VALUES).cost
-        assert found > 1
-        assert found == pytest.approx(OBJECTIVE.costs(ESTIMATE)[term], rel=1e-12), term
+        cost = SYMBOLIC.problem([term]).linearize(VALUES).cost
+        assert cost > 1
+        assert cost == pytest.approx(OBJECTIVE.costs(ESTIMATE)[term], rel=1e-12), term
 
 
 @pytest.mark.thorough
@@ -63,16 +63,16 @@ def test_gradient_of_the_data_is_that_of_the_blocks() -> None:
     for passed, pull, _ in OBJECTIVE.residuals(ESTIMATE):
         passed.adjoint(-pull / OBJECTIVE.sigmas.data**2, expected)
     problem = SYMBOLIC.problem(["E_D"])
-    found = problem.free.unpack(problem.linearize(VALUES).gradient)
+    gradient = problem.free.unpack(problem.linearize(VALUES).gradient)
     largest = max(abs(array).max() for array in expected.values())
     for array in ("posedirs", "weights"):
-        np.testing.assert_allclose(found[array], expected[array], atol=1e-12 * largest)
+        np.testing.assert_allclose(gradient[array], expected[array], atol=1e-12 * largest)
     for s in range(3):
         for name, array in (("template", "templates"), ("joints", "joints")):
-            there = found[f"subject {s}/{name}"]
-            np.testing.assert_allclose(there, expected[array][s], atol=1e-12 * largest)
+            of_subject = gradient[f"subject {s}/{name}"]
+            np.testing.assert_allclose(of_subject, expected[array][s], atol=1e-12 * largest)
     for j in range(12):
-        assert abs(found[f"scan {j}/trans"]).max() < 1e-9 * largest
+        assert abs(gradient[f"scan {j}/trans"]).max() < 1e-9 * largest
 
 
 def test_joints_are_compared_with_the_learned_regressor() -> None:

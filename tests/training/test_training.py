@@ -34,6 +34,7 @@ from workbench.training.evaluation import (
     evaluate_held_out,
     held_out_errors,
     shape_share,
+    shapes_explained,
 )
 from workbench.training.execution import NotLowered, Progress, Report
 from workbench.training.registrations import InMemory, RegistrationSubset
@@ -70,14 +71,14 @@ class Told(Report):
 
 def test_trained_body_has_a_card_and_round_trips(tmp_path: Path) -> None:
     told = Told([], [])
-    found = train(DATA, START, multi_shape=SHAPES, plan=short_plan(), n_betas=2, report=told)
-    body = found.body
+    trained = train(DATA, START, multi_shape=SHAPES, plan=short_plan(), n_betas=2, report=told)
+    body = trained.body
     assert isinstance(body, SkinnedBody)
     said = told.blocks
     assert {"first poses", "poses", "together", "shapes"} <= set(told.parts)
     assert [p.entry.block for p in said] == body.card["blocks"].split(", ")
     assert said[-1].number == said[-1].of == len(short_plan().steps)
-    for entry in found.poses.log:
+    for entry in trained.poses.log:
         assert sum(entry.after.values()) <= sum(entry.before.values()) * (1 + 1e-9)
     assert body.card["worst_kkt"] < 1e-8
     assert body.card["weights_per_vertex"] <= 4
@@ -90,24 +91,29 @@ def test_trained_body_has_a_card_and_round_trips(tmp_path: Path) -> None:
 
 def test_one_subject_gives_no_shape_directions() -> None:
     one, _ = draw_registrations(BODY, 1, 8, seed=4)
-    body = train(one, START, plan=without_blend_shapes(rounds=1)).body
-    assert body.n_betas == 0
-    assert not body.posedirs.any()
-    assert abs(body.J_regressor @ body.template)[0].max() < 1e-12  # about the root, as others
+    person, plan = InMemory(one.vertices[:1], one.subject[:1]), without_blend_shapes(rounds=1)
+    for multi_shape in (None, person):
+        body = train(one, START, multi_shape=multi_shape, plan=plan).body
+        assert body.n_betas == 0
+        assert not body.posedirs.any()
+        assert abs(body.J_regressor @ body.template)[0].max() < 1e-12  # about the root, as others
+    assert shapes_explained(body, person)["people_in_one_pose"] == 1
+    with pytest.raises(BadArgument, match="shape_rounds"):
+        train(one, START, multi_shape=person, plan=plan, shape_rounds=0)
 
 
 def test_confidence_may_depend_on_the_direction() -> None:
     """Matrices that are multiples of the identity are numbers."""
     C = np.random.default_rng(0).uniform(0.5, 1, (24, 35))
     plan = Plan((Stage(Sigmas(), ("rest", "poses", "weights")),))
-    found = []
+    results = []
     for c in (C, C[..., None, None] * np.eye(3)):
         people = InMemory(SHAPES.vertices[:4], SHAPES.subject[:4], c[:4])
         shapes = learn_shapes(BODY, people, n_betas=1, mirror=None, rounds=1)
         one = InMemory(EXACT.vertices[:8], EXACT.subject[:8], c[:8])
         model = train(one, START, multi_shape=people, plan=plan, shape_rounds=1).poses
-        found.append((shapes.space.template, model.estimate.templates, model.estimate.weights))
-    for numbers, matrices in zip(*found, strict=True):
+        results.append((shapes.space.template, model.estimate.templates, model.estimate.weights))
+    for numbers, matrices in zip(*results, strict=True):
         np.testing.assert_allclose(matrices, numbers, atol=1e-9)
 
 
@@ -137,7 +143,7 @@ def test_plans_without_known_blocks_are_refused() -> None:
 
 
 def test_raised_cost_stops_training(monkeypatch: pytest.MonkeyPatch) -> None:
-    def worse(given: BlockInput, estimate: Estimate) -> tuple[Estimate, dict[str, float]]:
+    def worse(context: BlockInput, estimate: Estimate) -> tuple[Estimate, dict[str, float]]:
         return replace(estimate, templates=1.01 * estimate.templates), {}
 
     monkeypatch.setitem(blocks.BLOCKS, "weights", worse)
@@ -247,10 +253,10 @@ def test_body_explains_those_it_made() -> None:
     wrong = evaluate_held_out(replace(uneven, posedirs=0 * EVEN.posedirs), data).distances.mean()
     assert told.distances.mean() < 0.4 * wrong
     assert told.shape_explained > 0.7
-    found = held_out_errors(uneven, data)
-    assert found["mean_mm"] == pytest.approx(1e3 * told.distances.mean(), abs=1e-4)
-    assert found["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
-    assert found["people_in_poses"] == 2
+    errors = held_out_errors(uneven, data)
+    assert errors["mean_mm"] == pytest.approx(1e3 * told.distances.mean(), abs=1e-4)
+    assert errors["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
+    assert errors["people_in_poses"] == 2
 
 
 def test_shape_share_of_what_is_known() -> None:

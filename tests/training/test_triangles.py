@@ -9,18 +9,14 @@ from numpy.typing import ArrayLike
 from scipy.linalg import lstsq
 from scipy.sparse.linalg import LinearOperator
 
-from builder.triangle_learning import (
-    LSQR,
-    Lsqr,
-    learn_pose_deformations,
-)
+from builder.triangle_learning import LSQR, Lsqr, learn_pose_deformations
 from tests.bodies_made_up import tube_body
+from tests.training.symbolic_triangles import SymbolicTriangles
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.training.triangles import (
     PosedMeshes,
-    SymbolicTriangles,
     learn_gradient_shapes,
     neighbour_differences,
 )
@@ -93,8 +89,8 @@ def test_generators_are_learned_back(blended: bool) -> None:
         untrained(true), people, posed, n_betas=B, ridge=0.0, by=Direct()
     )  # LSQR: minutes
     # the learned betas are the true ones in another basis
-    found = learn_gradient_shapes(people, true.faces, B).betas
-    change = np.linalg.lstsq(betas, found)[0]
+    learned = learn_gradient_shapes(people, true.faces, B).betas
+    change = np.linalg.lstsq(betas, learned)[0]
     rng = np.random.default_rng(2)
     new, poses = rng.normal(size=(20, B)), rng.normal(scale=0.5, size=(20, 3, 3))
     apart = trained.vertices(poses, new @ change) - true.vertices(poses, new)
@@ -150,10 +146,10 @@ def test_terms_are_those_of_the_blocks() -> None:
         "E_Q": 0.5 * SYMBOLIC_RIDGE * np.sum(form.body.posedirs**2),
         "E_D": 0.5 * SYMBOLIC_SMOOTHNESS * sum(np.sum((tied @ d.reshape(-1, 9)) ** 2) for d in D),
     }
-    found = {
+    problems = {
         "data": form.problem(form.data()),
         "E_Q": form.problem(form.small_posedirs(SYMBOLIC_RIDGE)),
         "E_D": form.problem(form.smooth_subjects(SYMBOLIC_SMOOTHNESS)),
     }
-    costs = {name: problem.linearize(values).cost for name, problem in found.items()}
+    costs = {name: problem.linearize(values).cost for name, problem in problems.items()}
     assert costs == pytest.approx(expected, rel=1e-12)

@@ -26,9 +26,9 @@ from workbench.arrays import Array, Index
 from workbench.blocks.functions import Buffered
 from workbench.blocks.points import scalars_repeated
 
-FILLED = 0.2  # share of nonzeros above which dense products are faster than sparse ones
-SMALL = 10_000  # entries of a matrix below which dense products are faster, too
-SAME = 1e-12  # of the largest number in it: two computations of one map agree up to rounding
+DENSE_SHARE = 0.2  # of nonzeros, above which dense products are faster than sparse ones
+DENSE_SIZE = 10_000  # entries of a matrix, below which dense products are faster, too
+ROUNDING = 1e-12  # of the largest number in it: two computations of one map agree up to this
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +64,10 @@ class Affine:
         offset = function(*(np.zeros(s.numel()) for s in symbols))[0]
         rng = np.random.default_rng(0)
         for _ in range(2):  # a branch has constant derivatives too, and is not affine
-            at = [rng.standard_normal(s.numel()) for s in symbols]
-            known = offset + sum(A @ x for A, x in zip(matrices, at, strict=True))
-            within = SAME * np.abs(known).max(initial=1.0)
-            if not np.isfinite(known).all() or (np.abs(function(*at)[0] - known) > within).any():
+            xs = [rng.standard_normal(s.numel()) for s in symbols]
+            mapped = offset + sum(A @ x for A, x in zip(matrices, xs, strict=True))
+            error, within = abs(function(*xs)[0] - mapped), ROUNDING * abs(mapped).max(initial=1.0)
+            if not np.isfinite(mapped).all() or (error > within).any():
                 return None
         names = (symbol.name() for symbol in symbols)
         return Affine(shape, offset, dict(zip(names, matrices, strict=True)))
@@ -94,12 +94,12 @@ class Affine:
         if self.plain is not None:
             whole = values[self.plain]
             return whole if whole.shape == self.shape else whole.reshape(self.shape)
-        found = self.offset.copy()
+        flat = self.offset.copy()
         for name, rows, entries in self._copied:
-            found[rows] += values[name].reshape(-1)[entries]
+            flat[rows] += values[name].reshape(-1)[entries]
         for name, rows, matrix in self._combined:
-            found[rows] += matrix @ values[name].reshape(-1)
-        return found.reshape(self.shape)
+            flat[rows] += matrix @ values[name].reshape(-1)
+        return flat.reshape(self.shape)
 
     def value_batch(self, values: Mapping[str, Array]) -> Array:
         """(M, *shape) of values that have M rows each."""
@@ -107,49 +107,49 @@ class Affine:
             whole = values[self.plain]
             return whole.reshape(len(whole), *self.shape)
         M = len(next(iter(values.values())))
-        found = np.repeat(self.offset[None], M, axis=0)
+        flat = np.repeat(self.offset[None], M, axis=0)
         for name, matrix in self.terms.items():
-            found += (matrix @ values[name].reshape(M, -1).T).T
-        return found.reshape(M, *self.shape)
+            flat += (matrix @ values[name].reshape(M, -1).T).T
+        return flat.reshape(M, *self.shape)
 
     def vjp(self, gradient: Array) -> dict[str, Array]:
         """The gradients by the blocks, from the gradient by this array; all of them flat."""
         if self.plain is not None:
             return {self.plain: gradient}
-        found = {name: np.zeros(matrix.shape[1]) for name, matrix in self.terms.items()}
+        by_block = {name: np.zeros(matrix.shape[1]) for name, matrix in self.terms.items()}
         for name, rows, entries in self._copied:
-            np.add.at(found[name], entries, gradient[rows])
+            np.add.at(by_block[name], entries, gradient[rows])
         for name, rows, matrix in self._combined:
-            found[name] += gradient[rows] @ matrix
-        return found
+            by_block[name] += gradient[rows] @ matrix
+        return by_block
 
     @cached_property
     def single(self) -> tuple[tuple[str, int] | None, ...]:
         """For each row the block's entry that it equals up to its offset; None for other rows."""
-        found: list[tuple[str, int] | None] = [None] * len(self.offset)
+        entry_of: list[tuple[str, int] | None] = [None] * len(self.offset)
         for name, rows, entries in self._copied:
             for row, entry in zip(rows.tolist(), entries.tolist(), strict=True):
-                found[row] = name, entry
-        return tuple(found)
+                entry_of[row] = name, entry
+        return tuple(entry_of)
 
     @cached_property
     def _copied(self) -> list[tuple[str, Index, Index]]:
         """Rows that are single entries: the block's name, these rows, and which entries."""
         read = sum((np.diff(A.indptr) for A in self.terms.values()), np.zeros(len(self.offset)))
-        found = []
+        parts = []
         for name, matrix in self.terms.items():
             nonzero = matrix.tocoo()
             copied = (read[nonzero.row] == 1) & (nonzero.data == 1.0)
             if copied.any():
-                found.append((name, nonzero.row[copied], nonzero.col[copied]))
-        return found
+                parts.append((name, nonzero.row[copied], nonzero.col[copied]))
+        return parts
 
     @cached_property
     def _combined(self) -> list[tuple[str, Index, Array | csr_array]]:
         """All other rows, and the matrices of them."""
-        rows = np.flatnonzero([at is None for at in self.single])
+        rows = np.flatnonzero([entry is None for entry in self.single])
         parts = ((name, csr_array(matrix[rows])) for name, matrix in self.terms.items())
-        return [(name, rows, filled(part)) for name, part in parts if part.nnz]
+        return [(name, rows, fast_to_multiply(part)) for name, part in parts if part.nnz]
 
 
 def alone(maps: Sequence[Affine]) -> tuple[tuple[tuple[str, int] | None, ...], ...]:
@@ -158,13 +158,13 @@ def alone(maps: Sequence[Affine]) -> tuple[tuple[tuple[str, int] | None, ...], .
     A change of such an entry changes this row by the same, and nothing else.
     """
     readers: dict[str, NDArray[np.int_]] = {}
-    for one in maps:
-        for name, matrix in one.terms.items():
+    for map_ in maps:
+        for name, matrix in map_.terms.items():
             counts = np.bincount(matrix.indices, minlength=matrix.shape[1])
             readers[name] = counts + readers[name] if name in readers else counts
     return tuple(
-        tuple(at if at is not None and readers[at[0]][at[1]] == 1 else None for at in one.single)
-        for one in maps
+        tuple(e if e is not None and readers[e[0]][e[1]] == 1 else None for e in map_.single)
+        for map_ in maps
     )
 
 
@@ -178,13 +178,13 @@ def place_of(rows: Sequence[tuple[str, int] | None]) -> tuple[str, int] | None:
     return (name, entry) if in_order else None
 
 
-def filled(matrix: csr_array) -> Array | csr_array:
+def fast_to_multiply(matrix: csr_array) -> Array | csr_array:
     """The matrix as a dense array, if it is small or few of its entries are zero."""
     size = matrix.shape[0] * matrix.shape[1]
-    return matrix.toarray() if matrix.nnz > FILLED * size or size < SMALL else matrix
+    return matrix.toarray() if matrix.nnz > DENSE_SHARE * size or size < DENSE_SIZE else matrix
 
 
 def _numbers(J: cs.MX) -> csr_array:
-    found = csr_array(cs.evalf(J).sparse()) if J.nnz() else csr_array(J.shape)
-    found.eliminate_zeros()
-    return found
+    matrix = csr_array(cs.evalf(J).sparse()) if J.nnz() else csr_array(J.shape)
+    matrix.eliminate_zeros()
+    return matrix

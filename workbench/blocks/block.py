@@ -144,9 +144,9 @@ class Block:
             names[-1] = AXES[last]
         return f"[{', '.join(names)}]"
 
-    def where(self, found: Mask) -> str:
+    def where(self, mask: Mask) -> str:
         """The name of the first true entry of an array of this block's shape."""
-        return self.entry(int(np.argmax(found.ravel()))) or "its only entry"
+        return self.entry(int(np.argmax(mask.ravel()))) or "its only entry"
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the symbol: it does not pickle, and a copy is another block."""

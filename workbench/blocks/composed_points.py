@@ -29,16 +29,16 @@ class FrameBlocks:
         check_known("block", name, self.blocks)
         return self.blocks[name]
 
-    def columns(self, one: Block, some: Sequence[int]) -> cs.MX:
-        """The symbols of a (K, 3) block in some frames, side by side: (3, K len(some)).
+    def columns(self, block: Block, some: Sequence[int]) -> cs.MX:
+        """The symbols of a frame's block (K, 3) in some frames, side by side: (3, K len(some)).
 
         A shared block is repeated.
         """
-        rows, width = one.symbol_shape
-        here = self[one.name]
-        if not here.framed:
-            return cs.repmat(here.symbol, 1, len(some))
-        wide = cs.reshape(here.symbol, rows, width * self.count)
+        rows, width = block.symbol_shape
+        of_sequence = self[block.name]
+        if not of_sequence.framed:
+            return cs.repmat(of_sequence.symbol, 1, len(some))
+        wide = cs.reshape(of_sequence.symbol, rows, width * self.count)
         if tuple(some) == tuple(range(self.count)):
             return wide
         return wide[:, [t * width + i for t in some for i in range(width)]]
@@ -59,9 +59,10 @@ class FrameBlocks:
         symbols = [*(block.symbol for block in blocks), *(own for own, _ in points)]
         if not symbols:  # CasADi answers a call without arguments by a dictionary
             return cs.repmat(expression, 1, len(some))
-        one = cs.Function("frame", symbols, [expression])
-        given = [*(self.columns(block, some) for block in blocks), *(all_ for _, all_ in points)]
-        return (one.map(len(some)) if len(some) > 1 else one)(*given)
+        frame = cs.Function("frame", symbols, [expression])
+        columns = [self.columns(block, some) for block in blocks]
+        columns += [of_frames for _, of_frames in points]
+        return (frame.map(len(some)) if len(some) > 1 else frame)(*columns)
 
     def points(self, points: Points, some: tuple[int, ...]) -> Points:
         """Points of a frame in some frames, (3, N len(some)), those of the first frame first."""
@@ -70,9 +71,10 @@ class FrameBlocks:
         return Points.of(source, f"{points.name} in {len(some)} frames", numbers)
 
 
-def framed(one: Block, count: int) -> Block:
+def framed(block: Block, count: int) -> Block:
     """The block of `count` frames, each of which has its own values of this block."""
-    return Block(one.name, (count, *one.base.shape), one.unit, one.base.labels, framed=True)
+    base = block.base
+    return Block(block.name, (count, *base.shape), block.unit, base.labels, framed=True)
 
 
 def joined(points: Sequence[Points], names: Sequence[str] | None = None) -> Points:
@@ -135,8 +137,8 @@ class _Joined:
     @cached_property
     def numeric(self) -> NumericPoints | None:
         each = [source.numeric for source in self.sources]
-        found = tuple(one for one in each if one is not None)
-        return _JoinedNumbers(found, self.order) if len(found) == len(each) else None
+        parts = tuple(part for part in each if part is not None)
+        return _JoinedNumbers(parts, self.order) if len(parts) == len(each) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,24 +171,24 @@ class _JoinedAt(PointsAt):
         edges, columns = self._places
         whole = {name: np.zeros((len(target), edges[-1])) for name, target in into.items()}
         for i, part in enumerate(self.parts):
-            reads, at = self.of.parts[i].reads, slice(edges[i], edges[i + 1])
-            part.write_jacobian({n: J[:, at] for n, J in whole.items() if n in reads}, None)
+            reads, own = self.of.parts[i].reads, slice(edges[i], edges[i + 1])
+            part.write_jacobian({n: J[:, own] for n, J in whole.items() if n in reads}, None)
         for name, target in into.items():
             target[:] = whole[name][:, columns] * (1.0 if scale is None else scale)
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         edges, columns = self._places
-        back = np.zeros(edges[-1])
-        back[columns] = cotangent
-        found: dict[str, Array] = {}
-        for part, own in zip(self.parts, np.split(back, edges[1:-1]), strict=True):
+        cotangents = np.zeros(edges[-1])
+        cotangents[columns] = cotangent
+        gradients: dict[str, Array] = {}
+        for part, own in zip(self.parts, np.split(cotangents, edges[1:-1]), strict=True):
             for name, gradient in part.vjp(own).items():
-                found[name] = found.get(name, 0.0) + gradient
-        return found
+                gradients[name] = gradients.get(name, 0.0) + gradient
+        return gradients
 
     @cached_property
     def _places(self) -> tuple[Index, Index]:
-        """Where each part's numbers begin and end among those of all, and which are wanted."""
+        """Where each part's numbers begin and end among those of all, and those that are chosen."""
         d = self.parts[0].points.shape[1]
         edges = np.cumsum([0, *(part.points.size for part in self.parts)])
         return edges, (d * self.of.order[:, None] + np.arange(d)).ravel()
@@ -211,8 +213,10 @@ class _FramedPoints:
     @cached_property
     def expression(self) -> cs.MX | None:
         """(d, N len(some)) m, in the blocks of the sequence."""
-        one = self.source.expression
-        return None if one is None else self.frames.in_frames(one, self.source.blocks, self.some)
+        of_frame = self.source.expression
+        if of_frame is None:
+            return None
+        return self.frames.in_frames(of_frame, self.source.blocks, self.some)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -248,11 +252,11 @@ class _FramedPoints:
 
     @cached_property
     def numeric(self) -> NumericPoints | None:
-        found = self.source.numeric
-        if found is None:
+        numeric = self.source.numeric
+        if numeric is None:
             return None
-        blocks = {name: self.frames[name] for name in found.reads}
-        return _NumericFrames(found, blocks, self.some, self.source.count, self.numbers)
+        blocks = {name: self.frames[name] for name in numeric.reads}
+        return _NumericFrames(numeric, blocks, self.some, self.source.count, self.numbers)
 
     def frozen(self, values: Mapping[str, Array]) -> PointSource:
         """The points with what the source chooses anew held in each frame."""
@@ -262,8 +266,8 @@ class _FramedPoints:
         own = {name for name, block in self.frames.blocks.items() if block.framed}
         each = []
         for t in self.some:
-            held = frozen({n: value[t] if n in own else value for n, value in values.items()})
-            each.append(_FramedPoints(held, self.frames, (t,), self.numbers))
+            source = frozen({n: value[t] if n in own else value for n, value in values.items()})
+            each.append(_FramedPoints(source, self.frames, (t,), self.numbers))
         return _Joined(tuple(each), np.arange(self.count))
 
 
@@ -295,13 +299,13 @@ class _NumericFrames(NumericPoints):
         if not block.framed:
             return csc_array(vstack(each))
         rows, size = each[0].shape
-        i = np.concatenate([one.indices + k * rows for k, one in enumerate(each)])
-        columns = [np.repeat(np.arange(size), np.diff(one.indptr)) for one in each]
+        i = np.concatenate([J.indices + k * rows for k, J in enumerate(each)])
+        columns = [np.repeat(np.arange(size), np.diff(J.indptr)) for J in each]
         j = np.concatenate([own + t * size for t, own in zip(self.some, columns, strict=True)])
-        data = np.concatenate([one.data for one in each])
-        found = csc_array((data, (i, j)), shape=(rows * len(each), block.size))
-        found.sort_indices()
-        return found
+        data = np.concatenate([J.data for J in each])
+        whole = csc_array((data, (i, j)), shape=(rows * len(each), block.size))
+        whole.sort_indices()
+        return whole
 
     def evaluate(self, values: Mapping[str, Array]) -> "_FramesAt":
         each = [
@@ -323,8 +327,8 @@ class _NumericFrames(NumericPoints):
             return np.repeat(value, T, axis=0)
 
         names = self.reads or tuple(values)[:1]  # points that read nothing take its M alone
-        found = self.source.evaluate_batch({name: row(name) for name in names})
-        return found.reshape(M, -1, self.numbers)
+        points = self.source.evaluate_batch({name: row(name) for name in names})
+        return points.reshape(M, -1, self.numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,21 +352,21 @@ class _FramesAt(PointsAt):
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         width = self.frames[0].points.size
         for i, (t, here) in enumerate(zip(self.of.some, self.frames, strict=True)):
-            at = slice(i * width, (i + 1) * width)
+            own = slice(i * width, (i + 1) * width)
             parts = {}
             for name, array in into.items():
                 block = self.of.blocks[name]
                 if block.framed:
                     size = len(array) // block.shape[0]
                     array = array[t * size : (t + 1) * size]
-                parts[name] = array[:, at]
-            here.write_jacobian(parts, None if scale is None else scale[at])
+                parts[name] = array[:, own]
+            here.write_jacobian(parts, None if scale is None else scale[own])
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        found = {name: np.zeros(block.size) for name, block in self.of.blocks.items()}
+        gradients = {name: np.zeros(block.size) for name, block in self.of.blocks.items()}
         cotangents = cotangent.reshape(len(self.frames), -1)
         for t, here, own in zip(self.of.some, self.frames, cotangents, strict=True):
-            for name, part in here.vjp(own).items():
-                first = t * part.size if self.of.blocks[name].framed else 0
-                found[name][first : first + part.size] += part
-        return found
+            for name, gradient in here.vjp(own).items():
+                first = t * gradient.size if self.of.blocks[name].framed else 0
+                gradients[name][first : first + gradient.size] += gradient
+        return gradients

@@ -9,12 +9,12 @@ from scipy.sparse import coo_array, csc_array, csr_array
 
 from workbench.arrays import Array
 
-LONGEST = 20_000  # instructions; above, operations on whole matrices are faster
-LARGE = 1000  # numbers, from which on they are read and written in place
+MOST_SCALAR = 20_000  # instructions; above, operations on whole matrices are faster
+IN_PLACE = 1000  # numbers, from which on they are read and written in place
 TOGETHER = 32  # calls that one evaluation serves
 MOST_NUMBERS = 500_000  # that one evaluation takes and gives: meshes are taken a few at a time
-CALLS = 20  # of other functions, from which on a graph is evaluated in scalar instructions
-LONGEST_OF_CALLS = 400_000  # instructions, up to which it is
+MANY_CALLS = 20  # of other functions, from which on a graph is evaluated in scalar instructions
+MOST_SCALAR_OF_CALLS = 400_000  # instructions, up to which it is
 
 
 class Buffered:
@@ -38,23 +38,24 @@ class Buffered:
     def __call__(self, *arguments: Array) -> list[Array]:
         """Arrays as a user sees them, (N, 3) for a (3, N) input; copies of the outputs, flat."""
         with self._lock:
-            held = []  # until the function has read them
+            kept_alive = []  # until the function has read them
             for i, (memory, argument) in enumerate(zip(self._inputs, arguments, strict=True)):
-                if memory.size < LARGE:
+                if memory.size < IN_PLACE:
                     memory[:] = argument.ravel()
                     continue
                 flat = np.ascontiguousarray(argument, dtype=np.float64).ravel()
                 assert flat.size == memory.size  # CasADi trusts it
                 self._buffer.set_arg(i, memoryview(flat.data))
-                held.append(flat)
-            found = [
-                output if output.size < LARGE else np.empty(output.size) for output in self._outputs
+                kept_alive.append(flat)
+            outputs = [
+                output if output.size < IN_PLACE else np.empty(output.size)
+                for output in self._outputs
             ]
-            for i, output in enumerate(found):
-                if output.size >= LARGE:
+            for i, output in enumerate(outputs):
+                if output.size >= IN_PLACE:
                     self._buffer.set_res(i, memoryview(output.data))
             self._trigger()
-            return [output.copy() if output.size < LARGE else output for output in found]
+            return [output.copy() if output.size < IN_PLACE else output for output in outputs]
 
 
 # A function whose arguments have a row for each of M calls, (M, .), or one for all of them, (.), to
@@ -62,7 +63,7 @@ class Buffered:
 Batched = Callable[..., list[Array]]
 
 
-def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:
+def scalar(function: cs.Function, longest: int = MOST_SCALAR) -> cs.Function | None:
     """The function in scalar instructions, if these are at most `longest`; None otherwise.
 
     A function that calls one written in Python, such as a Callback, has no such form.
@@ -86,7 +87,11 @@ def without_calls(function: cs.Function) -> cs.Function:
     if function.is_a("SXFunction"):
         return function
     called = (function.instruction_id(k) == cs.OP_CALL for k in range(function.n_instructions()))
-    return (scalar(function, LONGEST_OF_CALLS) or function) if sum(called) >= CALLS else function
+    return (
+        (scalar(function, MOST_SCALAR_OF_CALLS) or function)
+        if sum(called) >= MANY_CALLS
+        else function
+    )
 
 
 class Mapped:

@@ -68,16 +68,16 @@ class Layout:
     @cached_property
     def single_labels(self) -> dict[str, int]:
         """The place of each label that names exactly one entry, such as `pose[12, head, x]`."""
-        found: dict[str, int] = {}
-        several: set[str] = set()
+        places: dict[str, int] = {}
+        ambiguous: set[str] = set()
         for i in range(self.size):
             label = self.label(i)
-            several |= {label} if label in found else set()
-            found[label] = i
+            ambiguous |= {label} if label in places else set()
+            places[label] = i
             while ", " in label:
                 label = label.rpartition(", ")[0]
-                several.add(label + "]")
-        return {label: i for label, i in found.items() if label not in several}
+                ambiguous.add(label + "]")
+        return {label: i for label, i in places.items() if label not in ambiguous}
 
     def __getitem__(self, name: str) -> Block:
         for block in self.blocks:
@@ -104,8 +104,8 @@ class Layout:
             if not np.isfinite(value).all():
                 bad = ~np.isfinite(value.ravel())
                 raise NonFiniteValue(block.name, block.where(bad), float(value.ravel()[bad][0]))
-            taken = value if part.entries is None else part.taken(value)
-            flat[self.slices[block.name]] = taken.ravel()
+            own = value if part.entries is None else part.taken(value)
+            flat[self.slices[block.name]] = own.ravel()
         return flat
 
     def unpack(self, flat: Array, around: Mapping[str, ArrayLike] | None = None) -> Values:
@@ -114,18 +114,18 @@ class Layout:
         If the layout has only part of a block, its other entries come from `around`, which holds
         the whole block. Raises MissingValue if it has none.
         """
-        own, found = np.array(flat, dtype=float), {}
+        flat, values = np.array(flat, dtype=float), {}
         for block in self.blocks:
-            numbers = own[self.slices[block.name]]
+            numbers = flat[self.slices[block.name]]
             if block.whole is None:
-                found[block.name] = numbers.reshape(block.shape)
+                values[block.name] = numbers.reshape(block.shape)
                 continue
             if around is None or block.name not in around:
                 raise MissingValue(block.name, block.whole.shape, around or ())
             value = np.array(around[block.name], dtype=float).reshape(block.whole.shape)
             value.reshape(-1)[list(block.places)] = numbers
-            found[block.name] = value
-        return found
+            values[block.name] = value
+        return values
 
     @cached_property
     def parts(self) -> tuple[Block, ...]:
@@ -134,26 +134,24 @@ class Layout:
 
     def spelled(self, without: Iterable[str] = ()) -> tuple[str, ...]:
         """Names that mean exactly these numbers, leaving out the blocks `without`."""
-        left = set(without)
+        omitted = set(without)
         return tuple(
-            name for block in self.blocks if block.name not in left for name in _names(block)
+            name for block in self.blocks if block.name not in omitted for name in _names(block)
         )
 
     def chosen(self, places: Iterable[int]) -> "Layout":
         """A layout of the numbers in some places only, in the order of the blocks."""
-        taken: dict[str, list[int]] = {}
+        entries: dict[str, list[int]] = {}
         for place in places:
             block, i = self.block_of(int(place))
-            taken.setdefault(block.name, []).append(block.places[i])
-        return Layout(
-            tuple(
-                b.base
-                if len(set(taken[b.name])) == b.base.size
-                else Block.part(b.base, taken[b.name])
-                for b in self.blocks
-                if b.name in taken
-            )
-        )
+            entries.setdefault(block.name, []).append(block.places[i])
+        blocks = []
+        for block in self.blocks:
+            own = entries.get(block.name, [])
+            if own:
+                whole = len(set(own)) == block.base.size
+                blocks.append(block.base if whole else Block.part(block.base, own))
+        return Layout(tuple(blocks))
 
     def pieces(self, flat: cs.MX) -> list[cs.MX]:
         """A symbolic vector (size, 1) cut into one matrix per block, axes reversed."""
@@ -166,21 +164,21 @@ class Layout:
         """The block that entry `index` of the vector belongs to, and the entry's place in it."""
         if not 0 <= index < self.size:
             raise IndexError(f"entry {index} of a vector of {self.size}")
-        which = int(np.searchsorted(self._edges, index, side="right")) - 1
-        return self.blocks[which], index - int(self._edges[which])
+        i = int(np.searchsorted(self._edges, index, side="right")) - 1
+        return self.blocks[i], index - int(self._edges[i])
 
     def place(self, name: str, entry: int) -> int | None:
         """The place of a block's entry in the flat vector; None if it is not in it."""
-        at = self.slices.get(name)
-        if at is None:
+        if name not in self.slices:
             return None
-        here = self._of_parts.get(name)
-        return at.start + entry if here is None else here.get(entry)
+        if name in self._places_in_parts:
+            return self._places_in_parts[name].get(entry)
+        return int(self.slices[name].start) + entry
 
     @cached_property
-    def _of_parts(self) -> dict[str, dict[int, int]]:
-        """Where the entries of blocks that are here in part stand."""
-        first = {name: at.start for name, at in self.slices.items()}
+    def _places_in_parts(self) -> dict[str, dict[int, int]]:
+        """The place of each entry of the blocks of which only some entries are in the vector."""
+        first = {name: part.start for name, part in self.slices.items()}
         return {b.name: {e: first[b.name] + i for i, e in enumerate(b.places)} for b in self.parts}
 
     def label(self, index: int) -> str:
@@ -197,12 +195,12 @@ class Layout:
         return self.block_of(index)[0].unit
 
 
-def all_values(free: Layout, x: Array, fixed: Layout, given: Array) -> Values:
-    """The values of all blocks, from their free and fixed numbers x and `given`.
+def all_values(free: Layout, x: Array, fixed: Layout, fixed_numbers: Array) -> Values:
+    """The values of all blocks, from the free numbers x and the fixed ones.
 
     A block that is free in part is in both layouts; the fixed layout has the whole block.
     """
-    around = fixed.unpack(given)
+    around = fixed.unpack(fixed_numbers)
     return around | free.unpack(x, around)
 
 
@@ -222,45 +220,45 @@ def entries(layout: Layout, names: str | Iterable[str], kind: str = "free block"
 
     Raises UnknownName, which lists what exists, or BadArgument if nothing is named.
     """
-    found: set[int] = set()
+    places: set[int] = set()
     for name in (names,) if isinstance(names, str) else names:
-        found |= set(places_named(layout, name, kind))
-    if not found:
+        places |= set(places_named(layout, name, kind))
+    if not places:
         raise BadArgument(
             f"no free number is named; name blocks ({', '.join(layout.names)}) or entries such as "
             f"{layout.label(0) if layout.size else 'betas[0]'}"
         )
-    return np.array(sorted(found), dtype=np.int64)
+    return np.array(sorted(places), dtype=np.int64)
 
 
 def block_of(name: str, known: Collection[str]) -> str:
     """The name of the block in the name of an entry: `pose` for `pose[head, x]`."""
     if name in known:
         return name
-    begun = [block for block in known if name.startswith(f"{block}[")]
-    return max(begun, key=len) if begun else name.partition("[")[0]
+    candidates = [block for block in known if name.startswith(f"{block}[")]
+    return max(candidates, key=len) if candidates else name.partition("[")[0]
 
 
 def places_named(layout: Layout, name: str, kind: str = "free block") -> list[int]:
     """The places in the flat vector of the entries that one name means. Raises UnknownName."""
     block = block_of(name, layout.names)
     check_known(kind, block, layout.names)
-    at = layout.slices[block]
+    part = layout.slices[block]
     if block == name:
-        return list(range(at.start, at.stop))
+        return list(range(part.start, part.stop))
     if name in layout.single_labels:
         return [layout.single_labels[name]]
-    labels = {i: layout.label(i) for i in range(at.start, at.stop)}
+    labels = {i: layout.label(i) for i in range(part.start, part.stop)}
     row = name.removesuffix("]")
-    found = [i for i, label in labels.items() if label == name or label.startswith(row + ", ")]
-    if not found and name.endswith("]"):
-        found = _by_number(layout, block, row[len(block) + 1 :], labels)
-    if not found:
+    places = [i for i, label in labels.items() if label == name or label.startswith(row + ", ")]
+    if not places and name.endswith("]"):
+        places = _by_number(layout, block, row[len(block) + 1 :], labels)
+    if not places:
         known = dict.fromkeys(
             label.rsplit(", ", 1)[0].removesuffix("]") for label in labels.values()
         )
         raise UnknownName("entry", name, [f"{label}]" for label in known])
-    return found
+    return places
 
 
 def _by_number(layout: Layout, name: str, numbers: str, labels: dict[int, str]) -> list[int]:
@@ -270,12 +268,14 @@ def _by_number(layout: Layout, name: str, numbers: str, labels: dict[int, str]) 
     block = layout[name]
     if matched is None or not block.base.shape:
         return []
-    one, first, end = matched.groups()
+    single, first, stop = matched.groups()
     count = block.base.shape[0]
-    chosen = slice(int(one), int(one) + 1) if one else slice(int(first or 0), int(end or count))
+    chosen = slice(int(first or 0), int(stop or count))
+    if single:
+        chosen = slice(int(single), int(single) + 1)
     if chosen.stop > count:
         return []  # more rows than there are: an entry that does not exist
-    wide = block.base.size // count if count else 1
+    width = block.base.size // count if count else 1
     start = layout.slices[name].start
 
     def is_named(label: str) -> bool:
@@ -287,14 +287,15 @@ def _by_number(layout: Layout, name: str, numbers: str, labels: dict[int, str]) 
     return [
         start + i
         for i, entry in enumerate(block.places)
-        if chosen.start <= entry // wide < chosen.stop and (not last or is_named(labels[start + i]))
+        if chosen.start <= entry // width < chosen.stop
+        and (not last or is_named(labels[start + i]))
     ]
 
 
 ALIKE = 1e-6  # entries of a direction that differ by less count as equal
 ROUNDING = 1e-12  # of the largest: less is none
-LISTED = 6  # entries that are said one by one; of the others their number and their size
-BLOCKS = 3  # of which the others are counted one by one
+MOST_ENTRIES = 6  # of a direction in words; of the others their number and their size
+MOST_BLOCKS = 3  # of which the others are counted one by one
 OUTWEIGHS = 10.0  # times the entry of the largest effect, in scales: such an entry leads
 
 
@@ -329,7 +330,7 @@ def in_units(
     v: Array,
     free: Layout,
     effects: Array | None = None,
-    most: int = LISTED,
+    most: int = MOST_ENTRIES,
     scales: Array | None = None,
 ) -> str:
     """A direction (n,) as a whole, in the units of its entries, the leading one being 1.
@@ -341,14 +342,15 @@ def in_units(
     v = v / v[order[0]]
     shown, rest = order[:most], order[most:]
     parts = [f"{_number(v[i], free.unit(int(i)), '+')} of {free.label(int(i))}" for i in shown]
-    others = {name: rest[(rest >= at.start) & (rest < at.stop)] for name, at in free.slices.items()}
+    others = {name: rest[(rest >= p.start) & (rest < p.stop)] for name, p in free.slices.items()}
     counted = sorted((name for name in others if others[name].size), key=lambda n: -others[n].size)
-    for name in counted[:BLOCKS]:
+    for name in counted[:MOST_BLOCKS]:
         own, unit = others[name], free[name].unit
         parts.append(f"{own.size} more of {name} (up to {_number(abs(v[own]).max(), unit)})")
-    if left := counted[BLOCKS:]:
-        count = sum(others[name].size for name in left)
-        parts.append(f"{count} more of {len(left)} other block{'s'[: len(left) > 1]}")
+    if uncounted := counted[MOST_BLOCKS:]:
+        count = sum(others[name].size for name in uncounted)
+        blocks = "other block" if len(uncounted) == 1 else "other blocks"
+        parts.append(f"{count} more of {len(uncounted)} {blocks}")
     return " with ".join([parts[0], ", ".join(parts[1:])]) if parts[1:] else parts[0]
 
 

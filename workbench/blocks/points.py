@@ -75,8 +75,8 @@ class Tree:
 
     def turned(self, free: Layout) -> dict[int, slice]:
         """Joints whose three numbers are all free, and where these stand among the free ones."""
-        found = {k: self.entries(k, free) for k in range(len(self.names))}
-        return {k: slice(at[0], at[0] + 3) for k, at in found.items() if len(at) == 3}
+        entries = {k: self.entries(k, free) for k in range(len(self.names))}
+        return {k: slice(own[0], own[0] + 3) for k, own in entries.items() if len(own) == 3}
 
     def moves(self, free: Layout) -> bool:
         """Whether any number of a joint is free."""
@@ -142,12 +142,12 @@ class NumericPoints(ABC):
         """(M, N, 3) m for M values of each block, (M, *shape)."""
         M = len(next(iter(values.values())))  # of any block: the points may read none
         each = ({name: values[name][i] for name in self.reads} for i in range(M))
-        return np.stack([self.evaluate(one).points for one in each])
+        return np.stack([self.evaluate(row).points for row in each])
 
     def evaluate_each(self, values: Mapping[str, Array], count: int) -> "PointsOfEach":
         """The points at M = `count` values of each block, (M, *shape), with their derivatives."""
         each = ({name: value[i] for name, value in values.items()} for i in range(count))
-        return LoopedPoints([self.evaluate(some) for some in each])
+        return LoopedPoints([self.evaluate(row) for row in each])
 
     def pattern(self, name: str) -> csc_array | None:
         """Where the points' derivative by a block can be nonzero at any values, (3 N, size).
@@ -235,15 +235,18 @@ class Points(Symbolic):
     def of(source: PointSource, name: str, numbers: int = 3) -> "Points":
         """A new placeholder for the points of a source, its symbol called `placeholder(name)`.
 
-        `numbers` is d, how many numbers the source has of each point.
+        `numbers` is d, how many numbers the source has of each point. Raises BadArgument for no
+        points, which a residual cannot read.
         """
+        if not source.count:
+            raise BadArgument(f"{name}: no points are chosen; choose at least one")
         return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", numbers, source.count), source)
 
     def frozen(self, values: Mapping[str, Array]) -> "Points":
         """The same placeholder, with what its source chooses anew held as it is at these values."""
         frozen = getattr(self.source, "frozen", None)
-        held = self.source if frozen is None else frozen(values)
-        return self if held is self.source else Points(self.symbol, held)
+        source = self.source if frozen is None else frozen(values)
+        return self if source is self.source else Points(self.symbol, source)
 
     @property
     def name(self) -> str:
@@ -329,7 +332,7 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
     )
 
 
-LOSES = {
+BROADCASTING = {  # operations that repeat a scalar, and whose derivatives CasADi then loses
     cs.OP_ADD: cs.plus,
     cs.OP_SUB: cs.minus,
     cs.OP_FMOD: cs.fmod,
@@ -346,31 +349,31 @@ def scalars_repeated(expression: cs.MX) -> cs.MX:
     graph = cs.Function("graph", cs.symvar(expression), [expression])
     sums, repeated = [], []
     for k in range(graph.n_instructions()):
-        if graph.instruction_id(k) in LOSES:
-            found = graph.instruction_MX(k)
-            a, b = found.dep(0), found.dep(1)
+        if graph.instruction_id(k) in BROADCASTING:
+            operation = graph.instruction_MX(k)
+            a, b = operation.dep(0), operation.dep(1)
             if a.is_scalar() != b.is_scalar() and not (a if a.is_scalar() else b).is_constant():
-                sums.append(found)
+                sums.append(operation)
                 shape = (b if a.is_scalar() else a).shape
                 a, b = (cs.repmat(x, *shape) if x.is_scalar() else x for x in (a, b))
-                repeated.append(LOSES[graph.instruction_id(k)](a, b))
+                repeated.append(BROADCASTING[graph.instruction_id(k)](a, b))
     if not sums:
         return expression
     # each sum gets a symbol, and the sums are put back one after the other, in their order
-    symbols = [cs.MX.sym(f"sum {i}", found.sparsity()) for i, found in enumerate(sums)]
+    symbols = [cs.MX.sym(f"sum {i}", each.sparsity()) for i, each in enumerate(sums)]
     *parts, last = cs.graph_substitute([*repeated, expression], sums, symbols)
     known: list[cs.MX] = []
     for part in parts:
-        known.append(_put(part, symbols[: len(known)], known))
-    return _put(last, symbols, known)
+        known.append(_substituted(part, symbols[: len(known)], known))
+    return _substituted(last, symbols, known)
 
 
-def _put(expression: cs.MX, symbols: list[cs.MX], known: list[cs.MX]) -> cs.MX:
+def _substituted(expression: cs.MX, symbols: list[cs.MX], known: list[cs.MX]) -> cs.MX:
     read = {symbol.__hash__() for symbol in cs.symvar(expression)}
-    some = [i for i, symbol in enumerate(symbols) if symbol.__hash__() in read]
-    if not some:
+    own = [i for i, symbol in enumerate(symbols) if symbol.__hash__() in read]
+    if not own:
         return expression
-    return cs.graph_substitute(expression, [symbols[i] for i in some], [known[i] for i in some])
+    return cs.graph_substitute(expression, [symbols[i] for i in own], [known[i] for i in own])
 
 
 @dataclass(frozen=True, eq=False)
@@ -417,13 +420,13 @@ class ExpressedPoints(NumericPoints):
     @cached_property
     def _jacobians(self) -> dict[str, tuple[Buffered, csc_array]]:
         """For every block, the derivative's nonzeros as a function, and their places."""
-        found = {}
+        jacobians = {}
         for name, symbol in zip(self.reads, self._symbols, strict=True):
             J = cs.jacobian(cs.vec(self.expression), cs.vec(symbol))
             starts, rows = J.sparsity().get_ccs()
             places = csc_array((np.ones(len(rows)), rows, starts), shape=J.shape)
-            found[name] = Buffered(cs.Function("jacobian", self._symbols, [J])), places
-        return found
+            jacobians[name] = Buffered(cs.Function("jacobian", self._symbols, [J])), places
+        return jacobians
 
 
 @dataclass(frozen=True, eq=False)
@@ -485,6 +488,7 @@ class LoopedPoints:
         return stacked([here.vjp(own) for here, own in zip(self.places, cotangents, strict=True)])
 
 
-def stacked(found: list[dict[str, Array]]) -> dict[str, Array]:
+def stacked(gradients: list[dict[str, Array]]) -> dict[str, Array]:
     """Gradients (M, size) by each block, from M of them."""
-    return {name: np.array([one[name] for one in found]) for name in (found[0] if found else {})}
+    names = gradients[0] if gradients else {}
+    return {name: np.array([each[name] for each in gradients]) for name in names}

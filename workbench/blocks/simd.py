@@ -21,13 +21,15 @@ from workbench.compiling import (
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
-TOGETHER = 8  # rows of a matrix at most that are multiplied at once
-LARGEST = 2**15  # rows and columns of a matrix, whose numbers are a C short
-LINES = 500  # instructions in one piece of the source
+MOST_ROWS = 8  # of a matrix, that are multiplied at once
+TOO_LARGE = 2**15  # rows or columns of a matrix, whose numbers are a C short
+PIECE = 500  # instructions in one piece of the source
 LONG = 20_000  # instructions, from which on the compiler is asked to try less
-TRIED = 11  # calls of the comparison: all lanes are used, and some calls are left over
-ONE = "sqrt sin cos tan exp log asin acos atan fabs sinh cosh tanh floor ceil log1p expm1 erf sign"
-TWO = "pow atan2 hypot copysign fmod"  # functions of C of one argument, and of two
+CALLS_COMPARED = 11  # all lanes are used, and some calls are left over
+UNARY = (
+    "sqrt sin cos tan exp log asin acos atan fabs sinh cosh tanh floor ceil log1p expm1 erf sign"
+)
+BINARY = "pow atan2 hypot copysign fmod"  # functions of C of one argument, and of two
 C_OF: Mapping[int, str] = {
     cs.OP_ASSIGN: "{0}",
     cs.OP_ADD: "{0} + {1}",
@@ -49,8 +51,8 @@ C_OF: Mapping[int, str] = {
     cs.OP_FMIN: "CHOICE(({0} < {1}) | ({1} != {1}), {0}, {1})",
     cs.OP_FMAX: "CHOICE(({0} > {1}) | ({1} != {1}), {0}, {1})",
     cs.OP_CONSTPOW: "each_pow({0}, {1})",
-    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in ONE.split()},
-    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in TWO.split()},
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in UNARY.split()},
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in BINARY.split()},
 }
 
 
@@ -95,17 +97,17 @@ def simd_function(
         raise
 
 
-def _loaded(found: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> Batched:
+def _loaded(loaded: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> Batched:
     inputs = [function.nnz_in(i) for i in range(len(shared))]
     outputs = [function.nnz_out(i) for i in range(function.n_out())]
-    run = function_of_addresses(found, "run", 1 + len(inputs) + len(outputs))
+    run = function_of_addresses(loaded, "run", 1 + len(inputs) + len(outputs))
 
     def call(*arguments: Array) -> list[Array]:
         M = count(arguments, shared)
         plain = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
-        for array, wide, same in zip(plain, inputs, shared, strict=True):
-            assert array.size == (wide if same else M * wide)  # the library trusts it
-        results = [np.empty((M, wide)) for wide in outputs]
+        for array, width, same in zip(plain, inputs, shared, strict=True):
+            assert array.size == (width if same else M * width)  # the library trusts it
+        results = [np.empty((M, width)) for width in outputs]
         run(M, *map(address, plain), *map(address, results))
         return results
 
@@ -121,32 +123,34 @@ def simd_code(
     outputs = [(k, function.nnz_out(k)) for k in range(function.n_out())]
     of_run = ["integer M", *(f"const double *x{k}" for k, _, _ in inputs)]
     of_run += [f"double *y{k}" for k, _ in outputs]
-    given = [f"x{k}" if same else f"i{k}" for k, _, same in inputs]
+    taken = [f"x{k}" if same else f"i{k}" for k, _, same in inputs]
     results = [f"o{k}" for k, _ in outputs]
     kept = {f"i{k}": n for k, n, same in inputs if not same} | {f"o{k}": n for k, n in outputs}
     if before is None:
-        parts, calls, between = _stage("part", function, shared, [*given, *results])
+        parts, calls, between = _stage("part", function, shared, [*taken, *results])
     else:
         u, w, y = "u", f"i{len(inputs)}", f"i{len(inputs) + 1}"
         sizes = (*(before.function.nnz_out(k) for k in range(2)), len(before.matrix))
         kept |= dict(zip((u, w, y), sizes, strict=True))
-        first, before_calls, some = _stage("before", before.function, shared, [*given, u, w])
-        then = _stage("part", function, (*shared, False, False), [*given, w, y, *results])
+        first, before_calls, before_between = _stage(
+            "before", before.function, shared, [*taken, u, w]
+        )
+        then = _stage("part", function, (*shared, False, False), [*taken, w, y, *results])
         table, product = _product(before.matrix, u, y)
-        parts, between = [*first, table, *then[0]], max(some, then[2])
+        parts, between = [*first, table, *then[0]], max(before_between, then[2])
         calls = [*before_calls, product, *then[1]]
-    zero = [*results, *([] if before is None else [y])]
+    zeroed = [*results, *([] if before is None else [y])]
     return "\n".join(
         [
             vectors(),
-            *(["#define LONG_CODE"] if len(parts) * LINES > LONG else []),
+            *(["#define LONG_CODE"] if len(parts) * PIECE > LONG else []),
             head,
             *parts,
             f"EXPORT void run({', '.join(of_run)})",
             "{",
             f"v t[{max(1, between)}];",
             *(f"v {name}[{max(1, n)}];" for name, n in kept.items()),
-            *(f"for (integer j = 0; j < {kept[k]}; ++j) {k}[j] = BROADCAST(0.0);" for k in zero),
+            *(f"for (integer j = 0; j < {kept[k]}; ++j) {k}[j] = BROADCAST(0.0);" for k in zeroed),
             "for (integer first = 0; first < M; first += LANES) {",
             *(f"GATHER(i{k}, x{k}, {n})" for k, n, same in inputs if not same),
             *calls,
@@ -159,7 +163,7 @@ def simd_code(
 
 
 def _stage(
-    name: str, function: cs.Function, shared: Sequence[bool], given: Sequence[str]
+    name: str, function: cs.Function, shared: Sequence[bool], arguments: Sequence[str]
 ) -> tuple[list[str], list[str], int]:
     """The C functions that a function is divided into, their calls, and the size of `t`."""
     parts, between = _parts(function, shared)
@@ -169,21 +173,21 @@ def _stage(
         "\n".join([f"static PART void {name}{n}({', '.join(takes)})", "{", *lines, "}"])
         for n, lines in enumerate(parts)
     ]
-    calls = [f"{name}{n}({', '.join(given)}, t);" for n in range(len(parts))]
+    calls = [f"{name}{n}({', '.join(arguments)}, t);" for n in range(len(parts))]
     return written, calls, between
 
 
 def _product(matrix: Array, u: str, y: str) -> tuple[str, str]:
     """The tables of a matrix in C, and the call that multiplies by it; see `product` in simd.h."""
-    if max(matrix.shape) >= LARGEST:
+    if max(matrix.shape) >= TOO_LARGE:
         raise NotSupported(f"a matrix of shape {matrix.shape} is too large for a product in C here")
     used_by = matrix != 0
     order = np.lexsort(used_by.T)  # rows with the same columns stand together
     order = order[used_by[order].any(axis=1)]
     rows_of, columns_of, rows, columns = [], [], [], []
     elements: list[float] = []
-    for first in range(0, len(order), TOGETHER):
-        group = order[first : first + TOGETHER]
+    for first in range(0, len(order), MOST_ROWS):
+        group = order[first : first + MOST_ROWS]
         used = np.flatnonzero(matrix[group].any(axis=0))
         rows_of.append(len(group))
         columns_of.append(len(used))
@@ -213,7 +217,7 @@ def statements(
     ok[...]. `shared` says which inputs are the same for all calls, `c_of` how operations are
     written. Raises NotSupported for an operation that is not in `c_of`.
     """
-    found: list[tuple[str, tuple[str, ...], str]] = []
+    written: list[tuple[str, tuple[str, ...], str]] = []
     holds: dict[int, str] = {}  # what each place of CasADi's work vector holds now
     for i in range(function.n_instructions()):
         operation = function.instruction_id(i)
@@ -224,15 +228,15 @@ def statements(
             entry = f"i{of[0]}[{of[1]}]"
             holds[to[0]] = f"BROADCAST({entry})" if shared[of[0]] else entry
         elif operation == cs.OP_OUTPUT:
-            found.append((f"o{to[0]}[{to[1]}]", (holds[of[0]],), "{0}"))
+            written.append((f"o{to[0]}[{to[1]}]", (holds[of[0]],), "{0}"))
         elif operation in c_of:
-            found.append((f"s{i}", tuple(holds[k] for k in of), c_of[operation]))
+            written.append((f"s{i}", tuple(holds[k] for k in of), c_of[operation]))
             holds[to[0]] = f"s{i}"
         else:
             raise NotSupported(
                 f"CasADi's operation {operation} in {function.name()!r} has no C here"
             )
-    return found
+    return written
 
 
 def _parts(function: cs.Function, shared: Sequence[bool]) -> tuple[list[list[str]], int]:
@@ -242,17 +246,17 @@ def _parts(function: cs.Function, shared: Sequence[bool]) -> tuple[list[list[str
     through an array in memory, `t`.
     """
     instructions = statements(function, shared)
-    part_of = {name: n // LINES for n, (name, _, _) in enumerate(instructions)}
+    part_of = {name: n // PIECE for n, (name, _, _) in enumerate(instructions)}
     kept: dict[str, int] = {}
     for n, (_, operands, _) in enumerate(instructions):
         for name in operands:
-            if name in part_of and part_of[name] != n // LINES:
+            if name in part_of and part_of[name] != n // PIECE:
                 kept.setdefault(name, len(kept))
     parts: list[list[str]] = []
     for n, (name, operands, text) in enumerate(instructions):
-        if n % LINES == 0:
+        if n % PIECE == 0:
             parts.append([])
-        read = (f"t[{kept[o]}]" if o in kept and part_of[o] != n // LINES else o for o in operands)
+        read = (f"t[{kept[o]}]" if o in kept and part_of[o] != n // PIECE else o for o in operands)
         typed = "" if name.startswith("o") else "const v "
         parts[-1].append(f"{typed}{name} = {text.format(*read)};")
         if name in kept:
@@ -268,15 +272,17 @@ def _number(x: float) -> str:
     return repr(x)
 
 
-def _agree(found: Batched, usual: Batched, function: cs.Function, shared: Sequence[bool]) -> bool:
+def _agree(
+    compiled: Batched, usual: Batched, function: cs.Function, shared: Sequence[bool]
+) -> bool:
     """Whether two functions give the same numbers for a few random arguments; NaN equals NaN."""
     rng = np.random.default_rng(0)
     sizes = [function.nnz_in(i) for i in range(len(shared))]
     arguments = [
-        rng.uniform(0.1, 1.1, size if same else (TRIED, size))
+        rng.uniform(0.1, 1.1, size if same else (CALLS_COMPARED, size))
         for size, same in zip(sizes, shared, strict=True)
     ]
     return all(
-        np.allclose(got, right, rtol=1e-9, atol=1e-11, equal_nan=True)
-        for got, right in zip(found(*arguments), usual(*arguments), strict=True)
+        np.allclose(actual, expected, rtol=1e-9, atol=1e-11, equal_nan=True)
+        for actual, expected in zip(compiled(*arguments), usual(*arguments), strict=True)
     )

@@ -171,8 +171,8 @@ class Body(ABC):
         UnknownName, and BadBody for arrays that cannot be free together.
         """
         shapes = {name: self.array(name).shape for name in names}  # raises for what has no name
-        made = {n: Block(prefix + n, shape, self.FREEABLE[n]) for n, shape in shapes.items()}
-        return self._replaced(free={**self.free, **made})
+        free = {n: Block(prefix + n, shape, self.FREEABLE[n]) for n, shape in shapes.items()}
+        return self._replaced(free={**self.free, **free})
 
     def with_values(self, values: Mapping[str, ArrayLike]) -> Self:
         """The trained body: each free array has its value among `values`, and is free no longer.
@@ -272,7 +272,7 @@ class Body(ABC):
         landmarks = landmark_set(self.landmarks, name)
         return regressed(landmarks.regressor, self.vertices(pose, betas, trans))
 
-    def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
+    def _displaced(self, name: str, state: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
         raise no_offsets(f"on body {self.name!r}, a {type(self).__name__}")
 
     def landmark_names(self, name: str) -> tuple[str, ...]:

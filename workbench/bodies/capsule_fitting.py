@@ -50,13 +50,13 @@ TRUNK = ("pelvis", "belly", "ribs", "chest")
 
 def part_joints(body: SkinnedBody) -> list[int]:
     """The joints that have a part, in the order of the body. Raises BadBody if there is none."""
-    found = [k for k, name in enumerate(body.joint_names) if name in BONES]
-    if not found:
+    joints = [k for k, name in enumerate(body.joint_names) if name in BONES]
+    if not joints:
         raise BadBody(
             f"body {body.name!r} has none of the joints of SMPL after which parts and capsules are "
             "named, such as left_elbow; make Capsules(...) of your own"
         )
-    return found
+    return joints
 
 
 def owners(body: SkinnedBody) -> Index:
@@ -84,7 +84,7 @@ def separate(body: SkinnedBody, joints: list[int]) -> Index:
             parent = body.parents[parent]
         above[k] = parent
     names = body.joint_names
-    found = [
+    pairs = [
         (i, j)
         for j in range(len(joints))
         for i in range(j)
@@ -95,14 +95,14 @@ def separate(body: SkinnedBody, joints: list[int]) -> Index:
         )
         or opposite(names[joints[i]]) == names[joints[j]]
     ]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 # parts with a near and a far capsule, and where on the bone the far one begins: below the calf
-CUT = {"thigh": 0.5, "shin": 0.6, "upper_arm": 0.5}
+FAR_PART_FROM = {"thigh": 0.5, "shin": 0.6, "upper_arm": 0.5}
 ENDINGS = ("_near", "_far", "_low", "_high")
-THUMB = 0.05  # m from the axis of the hand
-INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
+THUMB_DISTANCE = 0.05  # m from the axis of the hand
+INNER_DEPTH = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
 ON_MIDLINE = 1e-6  # m
 
 
@@ -112,33 +112,33 @@ def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
     What lies more than 15 mm inside of the convex hull of the head is left out: mouth and eyes.
     """
     owner, joints, template = owners(body), body.joints(), body.template
-    found: dict[str, Mask] = {}
+    parts: dict[str, Mask] = {}
     for k in part_joints(body):
         part, mask = BONES[body.joint_names[k]], np.asarray(owner == k)
-        limb = next((one for one in CUT if part.endswith(one)), "")
+        limb = next((name for name in FAR_PART_FROM if part.endswith(name)), "")
         if limb or part.endswith("hand"):
             bone = joints[body.parents.index(k)] - joints[k]  # to its child
             away = template - joints[k]
         if part == "pelvis":
-            found["left_pelvis"] = mask & (template[:, 0] > -ON_MIDLINE)
-            found["right_pelvis"] = mask & (template[:, 0] < ON_MIDLINE)
+            parts["left_pelvis"] = mask & (template[:, 0] > -ON_MIDLINE)
+            parts["right_pelvis"] = mask & (template[:, 0] < ON_MIDLINE)
         elif part == "head":
             mask = mask & ~_inner(template, mask)
             low = template[:, 1] < joints[k, 1]
-            found |= {"head": mask & ~low, "jaw": mask & low}
+            parts |= {"head": mask & ~low, "jaw": mask & low}
         elif part == "chest" and mask.any():
             high = template[:, 1] > np.median(template[mask, 1])
-            found |= {"chest_low": mask & ~high, "chest_high": mask & high}
+            parts |= {"chest_low": mask & ~high, "chest_high": mask & high}
         elif limb:
-            far = (away - CUT[limb] * bone) @ bone > 0
-            found |= {f"{part}_near": mask & ~far, f"{part}_far": mask & far}
+            far = (away - FAR_PART_FROM[limb] * bone) @ bone > 0
+            parts |= {f"{part}_near": mask & ~far, f"{part}_far": mask & far}
         elif part.endswith("hand"):
             off = np.cross(away, bone / np.linalg.norm(bone))
-            thumb = mask & (np.linalg.norm(off, axis=1) > THUMB)
-            found |= {part: mask & ~thumb, part.replace("hand", "thumb"): thumb}
+            thumb = mask & (np.linalg.norm(off, axis=1) > THUMB_DISTANCE)
+            parts |= {part: mask & ~thumb, part.replace("hand", "thumb"): thumb}
         else:
-            found[part] = mask
-    return found
+            parts[part] = mask
+    return parts
 
 
 def part_of(capsule: str) -> str:
@@ -157,15 +157,15 @@ def _inner(template: Array, part: Mask) -> Mask:
     except (QhullError, ValueError):
         return np.zeros(len(part), dtype=bool)
     depth = -(template @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-    return np.asarray(depth > INNER)
+    return np.asarray(depth > INNER_DEPTH)
 
 
-BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
-STEPS = 25
-OUTSIDE = 1.5  # how much more a vertex outside of its capsule counts than one inside
+MAY_TOUCH_TRUNK = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
+GAUSS_NEWTON_STEPS = 25
+OUTSIDE_WEIGHT = 1.5  # how much more a vertex outside of its capsule counts than one inside
 LEGS = {"thigh": 2.0, "shin": 2.5}  # the same of these parts
-BACK = 0.35  # how much the distances from the capsule to the person count
-ALONG, AROUND = 6, 8  # points on a capsule
+COVERAGE_WEIGHT = 0.35  # how much the distances from the capsule to the person count
+N_ALONG, N_AROUND = 6, 8  # points on a capsule
 
 
 def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules:
@@ -185,7 +185,7 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
     fitted: dict[str, Array] = {}
     for name, mask in parts_of_capsules(body).items():
         if opposite(name) in fitted and body.mirror is not None:
-            fitted[name] = SIDES[:, None] * fitted[opposite(name)]
+            fitted[name] = MIRRORED[:, None] * fitted[opposite(name)]
         elif mask.any():
             fitted[name] = _fit(body, name, mask, betas)
     return _without_overlaps(_capsules(body, fitted), betas)
@@ -194,7 +194,7 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
 # Which ends and radius (7,) a capsule may have: a matrix (7, p) from p numbers, and the direction
 # of its first axis, if that is not the longest one of its vertices.
 Form = tuple[Array, Array | None]
-SIDES = np.concatenate([REFLECTION, REFLECTION, [1.0]])  # of a capsule and its mirror image
+MIRRORED = np.concatenate([REFLECTION, REFLECTION, [1.0]])  # of a capsule and its mirror image
 FREE: Form = (np.eye(7), None)
 UPRIGHT: Form = (np.delete(np.eye(7), (0, 3), axis=1), np.eye(3)[1])  # both ends on the midline
 ACROSS: Form = (  # one end the mirror image of the other
@@ -207,7 +207,7 @@ def _fit(body: SkinnedBody, name: str, part: Mask, betas: Array) -> Array:
     """Ends and radius (7, 1 + B) of one capsule; of several forms the one of the least cost."""
     people = body.template + np.einsum("ncb,mb->mnc", body.shapedirs, betas)
     forms = [FREE] if body.mirror is None or opposite(name) != name else [UPRIGHT, ACROSS]
-    outside = next((w for leg, w in LEGS.items() if part_of(name).endswith(leg)), OUTSIDE)
+    outside = next((w for leg, w in LEGS.items() if part_of(name).endswith(leg)), OUTSIDE_WEIGHT)
     fits = [
         _gauss_newton(body.template[part], people, body.faces, part, betas, form, outside)
         for form in forms
@@ -233,7 +233,7 @@ def _gauss_newton(
         sums_over_faces(face_vectors(person, faces), faces, len(person)) for person in people
     ]
     best, least = q, np.inf
-    for _ in range(STEPS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         capsules = powers @ (M @ q).T  # (m, 7)
         rows = [
             _rows(capsule, person, part, tree, normals, outside)
@@ -267,7 +267,7 @@ def _rows(
     samples, t, normal = _surface(a, b, r)
     _, nearest = tree.query(samples)
     stands_out = np.einsum("nc,nc->n", samples - person[nearest], outward[nearest]) > 0
-    scale = BACK * (part[nearest] | stands_out) / np.sqrt(len(samples))
+    scale = COVERAGE_WEIGHT * (part[nearest] | stands_out) / np.sqrt(len(samples))
     r2 = scale * np.einsum("nc,nc->n", samples - person[nearest], normal)
     J2 = scale[:, None] * np.hstack(
         [(1 - t)[:, None] * normal, t[:, None] * normal, np.ones((len(t), 1))]
@@ -292,15 +292,15 @@ def _surface(a: Array, b: Array, r: float) -> tuple[Array, Array, Array]:
     x = np.cross(axis, np.eye(3)[int(np.argmin(abs(axis)))])
     x /= np.linalg.norm(x)
     y = np.cross(axis, x)
-    angle = 2 * np.pi * np.arange(AROUND) / AROUND
+    angle = 2 * np.pi * np.arange(N_AROUND) / N_AROUND
     ring = np.outer(np.cos(angle), x) + np.outer(np.sin(angle), y)
     places, normals = [], []
-    for t in np.linspace(0, 1, ALONG):
-        places.append(np.full(AROUND, t))
+    for t in np.linspace(0, 1, N_ALONG):
+        places.append(np.full(N_AROUND, t))
         normals.append(ring)
     for t, sign in ((0.0, -1.0), (1.0, 1.0)):
         slanted = (ring + sign * axis) / np.sqrt(2)
-        places.append(np.full(AROUND + 1, t))
+        places.append(np.full(N_AROUND + 1, t))
         normals.append(np.vstack([slanted, sign * axis]))
     t, n = np.concatenate(places), np.vstack(normals)
     return a + t[:, None] * u + r * n, t, n
@@ -339,25 +339,25 @@ def _pairs(body: SkinnedBody, names: tuple[str, ...]) -> Index:
     joints = part_joints(body)
     parts = [BONES[body.joint_names[k]] for k in joints]
     apart = {frozenset((parts[i], parts[j])) for i, j in separate(body, joints)}
-    found = [
+    pairs = [
         (i, j)
         for j in range(len(names))
         for i in range(j)
         if frozenset((part_of(names[i]), part_of(names[j]))) in apart
         or any(
-            (one.endswith(BESIDE) and part_of(other) in TRUNK)
+            (one.endswith(MAY_TOUCH_TRUNK) and part_of(other) in TRUNK)
             or (one.endswith("upper_arm_far") and other == "neck")
             for one, other in ((names[i], names[j]), (names[j], names[i]))
         )
     ]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _without_overlaps(made: Capsules, betas: Array) -> Capsules:
+def _without_overlaps(capsules: Capsules, betas: Array) -> Capsules:
     """The same capsules; pairs that overlap at rest in most people are no pairs."""
-    ends = np.array([made.ends_of(b) for b in betas])
-    gaps = segment_distances(ends[:, :, 0], ends[:, :, 1], made.pairs)
-    radii = made.radii_of(betas)
-    gaps = gaps - radii[:, made.pairs[:, 0]] - radii[:, made.pairs[:, 1]]
+    ends = np.array([capsules.ends_of(b) for b in betas])
+    gaps = segment_distances(ends[:, :, 0], ends[:, :, 1], capsules.pairs)
+    radii = capsules.radii_of(betas)
+    gaps = gaps - radii[:, capsules.pairs[:, 0]] - radii[:, capsules.pairs[:, 1]]
     apart = np.mean(gaps < 0, axis=0) < 0.5
-    return replace(made, pairs=made.pairs[apart])
+    return replace(capsules, pairs=capsules.pairs[apart])

@@ -58,12 +58,12 @@ class Capsules:
 
     def __post_init__(self) -> None:
         names = texts("the names of capsules", self.names, BadBody)
-        found: dict[str, Any] = {"names": names}
+        parts: dict[str, Any] = {"names": names}
         for key in ("ends", "end_slopes", "radii", "radius_slopes"):
-            found[key] = readonly(f"{key} of capsules", getattr(self, key))
+            parts[key] = readonly(f"{key} of capsules", getattr(self, key))
         for key in ("joints", "pairs"):
-            found[key] = readonly_index(f"{key} of capsules", getattr(self, key))
-        self.__dict__.update(found)
+            parts[key] = readonly_index(f"{key} of capsules", getattr(self, key))
+        self.__dict__.update(parts)
         C, B = len(names), self.radius_slopes.shape[-1] if self.radius_slopes.ndim == 2 else 0
         shapes = {
             "joints": (C,),
@@ -180,7 +180,7 @@ def capsule_points(body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -
     Their radii are `body.capsules.radii_in(betas)`. Raises BadBody for a body without capsules, or
     with free arrays, from which the rest pose is made.
     """
-    at, capsules, numeric = Arguments(body, pose, betas, trans), capsules_of(body), body.numeric
+    symbols, capsules = Arguments(body, pose, betas, trans), capsules_of(body)
     if body.free:
         raise BadBody(
             f"body {body.name!r} has free arrays ({', '.join(body.free)}), but its capsules were "
@@ -193,10 +193,10 @@ def capsule_points(body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -
         return ends + cs.repmat(trans, 1, 2 * len(capsules.names))
 
     def compute(maps: Maps) -> BlockPoints:
-        return BlockPoints(numeric.capsules(capsules), maps)
+        return BlockPoints(body.numeric.capsules(capsules), maps)
 
     names = capsules.end_names
-    return Points.of(BodySource(at, len(names), names, (), express, compute), "capsules")
+    return Points.of(BodySource(symbols, len(names), names, (), express, compute), "capsules")
 
 
 def capsule_ends(

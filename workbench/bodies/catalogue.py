@@ -120,8 +120,8 @@ def read_embedded(path: Path) -> SkinnedBody:
     Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit together.
     """
     with opened(path, "embedded body", REPAIR) as archive:
-        own = HAND if "hands_mean" in archive.headers else WHOLE_BODY
-        arrays = read_expected(archive, EXPECTED | own)
+        further = HAND if "hands_mean" in archive.headers else WHOLE_BODY
+        arrays = read_expected(archive, EXPECTED | further)
         parts = _unpacked(arrays, facts_in(arrays["card"]).entries)
     return SkinnedBody(**parts, name=path.stem)
 
@@ -172,7 +172,7 @@ def _totals(name: str, shares: Array | csr_array) -> Array:
     return totals[:, None]
 
 
-LEARNED = {
+LEARNED_POSEDIRS = {
     "near": wholes("F", "J"),
     "posedirs": STEPS("F", 3, 3, "T"),
     "posedirs_step": reals(),
@@ -205,7 +205,7 @@ def read_embedded_triangles(
     skinned = embedded(mesh)
     body = model(skinned)
     with opened(path, "embedded body", REPAIR) as archive:
-        arrays = read_expected(archive, LEARNED)
+        arrays = read_expected(archive, LEARNED_POSEDIRS)
         card = facts_in(arrays["card"]).entries
         check_numbers("near", arrays["near"], body.n_joints)
     learned = np.asarray(arrays["posedirs"] * float(arrays["posedirs_step"]), dtype=np.float64)
@@ -218,7 +218,7 @@ def read_embedded_triangles(
     )
 
 
-PLACED = {
+HANDS_PLACE = {
     "bodies": texts("G"),
     "held": reals("G", 16, 3),
     "origin": wholes("N"),
@@ -243,13 +243,13 @@ def embedded_with_hands(name: str) -> SkinnedBody:
 def sewing_of(body: str) -> Sewing:
     """How one of the bodies that `SEWN` names is sewn to hands. Raises BadFile."""
     with packed("full-hands") as path, opened(path, "file of a hand's place", REPAIR) as archive:
-        arrays = read_expected(archive, PLACED)
+        arrays = read_expected(archive, HANDS_PLACE)
     names = [str(name) for name in arrays["bodies"]]
     if body not in names:
         raise BadFile(f"full-hands.npz does not say how {body!r} holds its fingers; {REPAIR}")
     hands = {side: arrays[side] for side in ("left", "right")}
-    held = arrays["held"][names.index(body)]
-    return Sewing(arrays["origin"], arrays["faces"], arrays["mirror"], hands, held)
+    pose = arrays["held"][names.index(body)]
+    return Sewing(arrays["origin"], arrays["faces"], arrays["mirror"], hands, pose)
 
 
 Embedded = Literal[  # of these, type checkers know that they are skinned

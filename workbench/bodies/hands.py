@@ -34,22 +34,22 @@ def hand_points(
     """
     prefix = "" if side is None else f"{side}_"
     names = tuple(prefix + name for name in HAND_POINTS)
-    known = {*body.joint_names, *(body.landmarks[TIPS].names if TIPS in body.landmarks else ())}
-    if missing := [name for name in names if name not in known]:
+    available = {*body.joint_names, *(body.landmarks[TIPS].names if TIPS in body.landmarks else ())}
+    if missing := [name for name in names if name not in available]:
         raise BadBody(
             f"body {body.name!r} has no {', '.join(missing[:3])}, which a hand has; say which hand "
             "of two (side='left'), take the embedded body 'hand' or 'full-hands', or give one of "
             "MANO's a landmark set called 'tips'"
         )
-    at = pose, betas, trans
-    every = [body.joint_points(*at), body.landmark_points(TIPS, *at)]
+    symbols = pose, betas, trans
+    every = [body.joint_points(*symbols), body.landmark_points(TIPS, *symbols)]
     return joined(every, names)
 
 
 FLEXION, DEVIATION, TWIST = "flexion", "radial deviation", "twist"
 ABDUCTION = "palmar abduction"
-SIDES = ("", "left_", "right_")  # before the names of a hand's joints
-STRAIGHT = np.radians(8)  # joints are inside of fingers: a smaller bend of their places is none
+SIDE_PREFIXES = ("", "left_", "right_")  # before the names of a hand's joints
+LEAST_BEND = np.radians(8)  # joints are inside of fingers: a smaller bend of their places is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,9 @@ class HandMotion:
 
 def hands_of(body: Body) -> tuple[str, ...]:
     """The prefixes of the hands whose joints a body has: `""` for a body that is a hand."""
-    known = set(body.joint_names)
-    own = ("wrist", *(f"{finger}{i}" for finger in FINGERS for i in (1, 2, 3)))
-    return tuple(side for side in SIDES if known >= {side + name for name in own})
+    names = set(body.joint_names)
+    needed = ("wrist", *(f"{finger}{i}" for finger in FINGERS for i in (1, 2, 3)))
+    return tuple(side for side in SIDE_PREFIXES if names >= {side + name for name in needed})
 
 
 def is_hand(body: Body) -> bool:
@@ -102,65 +102,65 @@ def hand_motions(body: Body, side: str = "") -> tuple[HandMotion, ...]:
             f"body {body.name!r} has no joints {side}wrist and {side}index1 to {side}thumb3, which "
             "a hand has; take the embedded body 'hand', or one of MANO's"
         )
-    places = dict(zip(body.joint_names, body.joints(), strict=True))
-    at = {name[len(side) :]: p for name, p in places.items() if name.startswith(side)}
-    at |= _tips(body, side, at)
-    palmar, thumbward = _palm(at)
-    found: list[HandMotion] = []
+    joints = dict(zip(body.joint_names, body.joints(), strict=True))
+    places = {name[len(side) :]: p for name, p in joints.items() if name.startswith(side)}
+    places |= _tips(body, side, places)
+    palmar, thumbward = _palm(places)
+    motions: list[HandMotion] = []
     for finger in FINGERS:
-        before = None
+        last_bone = None
         for i in (1, 2, 3):
             end = f"{finger}{i + 1}" if i < 3 else f"{finger}_tip"
-            bone = _unit(at[end] - at[f"{finger}{i}"])
+            bone = _unit(places[end] - places[f"{finger}{i}"])
             towards = palmar
             if finger == "thumb" and i > 1:
-                towards = at["pinky1"] - at["thumb2"]
+                towards = places["pinky1"] - places["thumb2"]
             bends = _unit(np.cross(bone, towards))
             bent = float(
                 np.arcsin(bone @ palmar)
-                if before is None
-                else np.arctan2(bends @ np.cross(before, bone), before @ bone)
+                if last_bone is None
+                else np.arctan2(bends @ np.cross(last_bone, bone), last_bone @ bone)
             )
             aside = np.cross(bends, bone)
             if aside @ np.cross(bone, thumbward) < 0:
                 aside = -aside
             first = ABDUCTION if finger == "thumb" and i == 1 else FLEXION
             joint = f"{side}{finger}{i}"
-            found += [
-                HandMotion(joint, first, bends, bent if abs(bent) > STRAIGHT else 0.0),
+            motions += [
+                HandMotion(joint, first, bends, bent if abs(bent) > LEAST_BEND else 0.0),
                 HandMotion(joint, DEVIATION, aside, 0.0),
                 HandMotion(joint, TWIST, bone, 0.0),
             ]
-            before = bone
-    return tuple(found)
+            last_bone = bone
+    return tuple(motions)
 
 
 def _tips(body: Body, side: str, at: dict[str, Array]) -> dict[str, Array]:
     """The tips of the fingers; where there are no landmarks, the last bone goes on straight."""
-    known: dict[str, Array] = {}
+    tips: dict[str, Array] = {}
     if TIPS in body.landmarks:
-        known = dict(zip(body.landmark_names(TIPS), body.landmark(TIPS), strict=True))
+        tips = dict(zip(body.landmark_names(TIPS), body.landmark(TIPS), strict=True))
     return {
-        f"{finger}_tip": known.get(f"{side}{finger}_tip", 2 * at[f"{finger}3"] - at[f"{finger}2"])
+        f"{finger}_tip": tips.get(f"{side}{finger}_tip", 2 * at[f"{finger}3"] - at[f"{finger}2"])
         for finger in FINGERS
     }
 
 
-def _palm(at: dict[str, Array]) -> tuple[Array, Array]:
+def _palm(places: dict[str, Array]) -> tuple[Array, Array]:
     """Unit vectors out of the palm on its inner side, and in its plane towards the thumb."""
-    along = _unit(at["middle1"] - at["wrist"])
-    across = at["index1"] - at["pinky1"]
+    along = _unit(places["middle1"] - places["wrist"])
+    across = places["index1"] - places["pinky1"]
     thumbward = _unit(across - along * (along @ across))
     normal = np.cross(along, thumbward)
-    return np.asarray(normal * np.sign(normal @ (at["thumb3"] - at["wrist"]))), thumbward
+    return np.asarray(normal * np.sign(normal @ (places["thumb3"] - places["wrist"]))), thumbward
 
 
 def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-HANDS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
-SIDED = (*HANDS, "hands_coeffs", "hands_deviations")  # of whole bodies, with l or r at the end
+ROTATIONS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
+SIDED = (*ROTATIONS, "hands_coeffs", "hands_deviations")  # of whole bodies, with l or r at the end
 CORNERS = [0, 2, 1]  # the order in which a mirrored face has its corners
 BY_CORNER = ("lmk_bary_coords", "dynamic_lmk_bary_coords", "ft")  # extras with a number for each
 
@@ -203,15 +203,15 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
 
 def _mirrored_extras(extras: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """The pose spaces of hands in the mirror, and what is said corner by corner of faces."""
-    found = dict(extras)
+    arrays = dict(extras)
     for what in SIDED:
         for letter, other in (("", ""), ("l", "r"), ("r", "l")):
-            found.pop(what + letter, None)
+            arrays.pop(what + letter, None)
             if what + other in extras:
                 rows = extras[what + other]
-                found[what + letter] = _turned(rows) if what in HANDS else rows
+                arrays[what + letter] = _turned(rows) if what in ROTATIONS else rows
     corners = {key: extras[key][..., CORNERS] for key in BY_CORNER if key in extras}
-    return found | corners
+    return arrays | corners
 
 
 def _turned(rows: NDArray[Any]) -> NDArray[Any]:

@@ -15,64 +15,64 @@ from workbench.blocks.checks import numbers, reals, texts
 from workbench.errors import BadBody, NotNumbers
 
 
-def readonly(what: str, given: object) -> Array:
-    """The array as float64, contiguous and read-only; it is copied only if it is not all of that.
+def readonly(what: str, value: object) -> Array:
+    """The array as float64, contiguous and read-only; one that is so already is not copied.
 
     Raises NotNumbers.
     """
-    if isinstance(given, np.ndarray) and given.dtype == np.float64 and _settled(given):
-        return given
-    return locked(np.array(numbers(what, given), dtype=np.float64, order="C"))
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and _settled(value):
+        return value
+    return locked(np.array(numbers(what, value), dtype=np.float64, order="C"))
 
 
-def readonly_index(what: str, given: object) -> Index:
-    """int64, in one piece and read-only; raises NotNumbers for what are no whole numbers."""
-    if isinstance(given, np.ndarray) and given.dtype == np.int64 and _settled(given):
-        return given
-    found = numbers(what, given)
-    if found.size and found.dtype.kind not in "iu":
-        raise NotNumbers(what, str(found.dtype), "whole numbers")
-    return locked(np.array(found, dtype=np.int64, order="C"))
+def readonly_index(what: str, value: object) -> Index:
+    """The array as int64, contiguous and read-only. Raises NotNumbers unless all are whole."""
+    if isinstance(value, np.ndarray) and value.dtype == np.int64 and _settled(value):
+        return value
+    array = numbers(what, value)
+    if array.size and array.dtype.kind not in "iu":
+        raise NotNumbers(what, str(array.dtype), "whole numbers")
+    return locked(np.array(array, dtype=np.int64, order="C"))
 
 
-def readonly_matrix(what: str, given: object) -> csr_array:
+def readonly_matrix(what: str, value: object) -> csr_array:
     """A matrix, dense or sparse, as a csr_array of its own around read-only float64 parts."""
-    matrix: Any = given
-    if not issparse(given):
-        table = reals(what, given)
+    matrix: Any = value
+    if not issparse(value):
+        table = reals(what, value)
         if table.ndim != 2:
             raise NotNumbers(what, f"one of shape {table.shape}", "real numbers with two axes")
         matrix = csr_array(table)
     if matrix.dtype.kind not in "biuf":
         raise NotNumbers(what, f"a sparse matrix of {matrix.dtype}")
-    kept = isinstance(matrix, csr_array) and matrix.dtype == np.float64
-    if not (kept and all(_settled(part) for part in _parts(matrix))):
+    as_wanted = isinstance(matrix, csr_array) and matrix.dtype == np.float64
+    if not (as_wanted and all(_settled(part) for part in _parts(matrix))):
         matrix = csr_array(matrix, dtype=np.float64, copy=True)
         matrix.sum_duplicates()
     data, indices, indptr = (locked(part) for part in _parts(matrix))
     return csr_array((data, indices, indptr), shape=matrix.shape)
 
 
-def readonly_extras(given: Mapping[str, object]) -> dict[str, NDArray[Any]]:
+def readonly_extras(extras: Mapping[str, object]) -> dict[str, NDArray[Any]]:
     """Arrays of numbers or texts by key, in the type that they have, read-only.
 
     Raises NotNumbers.
     """
-    found = {}
-    for key, value in given.items():
+    arrays = {}
+    for key, value in extras.items():
         array = np.asanyarray(value)
         if array.dtype.kind not in "biufUS":
             raise NotNumbers(f"extras[{key!r}]", f"{array.dtype}", "numbers or texts")
-        found[key] = array if _settled(array) else locked(np.array(array, order="C"))
-    return found
+        arrays[key] = array if _settled(array) else locked(np.array(array, order="C"))
+    return arrays
 
 
-def readonly_mapping(what: str, given: object) -> Mapping[str, Any]:
+def readonly_mapping(what: str, value: object) -> Mapping[str, Any]:
     """A read-only copy of a mapping. Raises BadBody for anything else."""
-    if not isinstance(given, Mapping):
-        kind = type(given).__name__
+    if not isinstance(value, Mapping):
+        kind = type(value).__name__
         raise BadBody(f"{what} must be a dict from names, not something of type {kind}")
-    return MappingProxyType(dict(given))
+    return MappingProxyType(dict(value))
 
 
 def locked(array: NDArray[Any]) -> NDArray[Any]:
@@ -97,10 +97,10 @@ def readonly_parts(
     who = f"body {body.name!r}"
     optional = {field.name for field in fields(body) if field.default is None}
     try:
-        made = {readonly: reals, readonly_matrix: matrices, readonly_index: indices}
+        kinds = {readonly: reals, readonly_matrix: matrices, readonly_index: indices}
         parts: dict[str, Any] = {
             name: make(name, getattr(body, name))
-            for make, names in made.items()
+            for make, names in kinds.items()
             for name in names
             if getattr(body, name) is not None or name not in optional
         }

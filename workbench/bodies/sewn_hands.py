@@ -25,10 +25,9 @@ from scipy.sparse import csr_array, vstack
 from workbench.arrays import Array, Index
 from workbench.bodies.body import Landmarks
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.files.joint_names import FINGERS, joint_names
+from workbench.bodies.files.joint_names import FINGER_JOINTS, joint_names
 from workbench.bodies.forward.posing import unpose
-from workbench.bodies.hands import FINGERS as FINGER_NAMES
-from workbench.bodies.hands import mirrored
+from workbench.bodies.hands import FINGERS, mirrored
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.geometry.mirror import AXIAL, REFLECTION
@@ -37,11 +36,11 @@ from workbench.geometry.surface_tree import barycentric_weights
 
 Hands = Mapping[str, SkinnedBody]  # by side, left before right
 
-MOST = 4  # joints that carry a vertex
+MOST_JOINTS = 4  # joints that carry a vertex
 OF_BODY = 22  # the joints of SMPL without its last two, left_hand and right_hand
 WRISTS = {"left": 20, "right": 21}
-FIRST = {"left": OF_BODY, "right": OF_BODY + len(FINGERS)}  # the first finger joint of each hand
-JOINTS = joint_names(OF_BODY + 2 * len(FINGERS))
+FIRST_FINGER = {"left": OF_BODY, "right": OF_BODY + len(FINGER_JOINTS)}  # the number of a joint
+JOINTS = joint_names(OF_BODY + 2 * len(FINGER_JOINTS))
 SIGNS = {"left": REFLECTION, "right": np.ones(3)}
 ABOUT_PARTS = ("trained_on", "pose_blend_shapes", "held_out", "betas", "pose_space")
 MADE_OF = (
@@ -71,9 +70,9 @@ class Sewing:
 
     def of_hand(self, side: str, rows: csr_array) -> csr_array:
         """Means of the vertices of a hand (M, H) as means of these, (M, N)."""
-        found = rows.tocoo()
-        columns, shape = self.hands[side][found.col], (rows.shape[0], len(self.origin))
-        return csr_array((found.data, (found.row, columns)), shape=shape)
+        entries = rows.tocoo()
+        columns, shape = self.hands[side][entries.col], (rows.shape[0], len(self.origin))
+        return csr_array((entries.data, (entries.row, columns)), shape=shape)
 
     def of_body(self, rows: csr_array, template: Array) -> csr_array:
         """Means of the vertices of the body (M, N_body), `template` (N_body, 3) m, as of these.
@@ -81,13 +80,13 @@ class Sewing:
         The closest place on the surface stands for a vertex that is no longer there.
         """
         N, before = len(self.origin), len(template)
-        now = csr_array((np.ones(N), (self.origin, np.arange(N))), shape=(before, N))
-        gone = np.setdiff1d(rows.tocoo().col, self.origin)
-        if len(gone):
-            place = barycentric_weights(template[self.origin], self.faces, template[gone]).tocoo()
-            shares = csr_array((place.data, (gone[place.row], place.col)), shape=(before, N))
-            now = now + shares
-        return csr_array(rows @ now)
+        means = csr_array((np.ones(N), (self.origin, np.arange(N))), shape=(before, N))
+        lost = np.setdiff1d(rows.tocoo().col, self.origin)
+        if len(lost):
+            place = barycentric_weights(template[self.origin], self.faces, template[lost]).tocoo()
+            shares = csr_array((place.data, (lost[place.row], place.col)), shape=(before, N))
+            means = means + shares
+        return csr_array(rows @ means)
 
 
 def with_hands(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing, name: str) -> SkinnedBody:
@@ -132,40 +131,40 @@ def with_hands(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing, name: str) ->
 
 def _straightened(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing) -> tuple[Array, Array]:
     """The right hand of the body with straight fingers, (H, 3) m, and its directions (H, 3, B)."""
-    at, held = mesh.origin[mesh.hands["right"]], mesh.held
-    flat = unpose(hand, held, body.template[at])
-    people = body.template[at] + np.moveaxis(body.shapedirs[at], 2, 0)
-    return flat, np.stack([unpose(hand, held, one) - flat for one in people], axis=2)
+    rows, pose = mesh.origin[mesh.hands["right"]], mesh.held
+    flat = unpose(hand, pose, body.template[rows])
+    people = body.template[rows] + np.moveaxis(body.shapedirs[rows], 2, 0)
+    return flat, np.stack([unpose(hand, pose, one) - flat for one in people], axis=2)
 
 
 def _weights(body: SkinnedBody, hands: Hands, mesh: Sewing) -> Array:
     """What a hand gives to its wrist is divided among the body's joints as the body does it."""
-    weights, own = np.zeros((len(mesh.origin), len(JOINTS))), body.weights[mesh.origin]
-    weights[:, :OF_BODY] = own[:, :OF_BODY]
-    weights[:, list(WRISTS.values())] += own[:, OF_BODY:]  # of left_hand and right_hand
+    weights, of_body = np.zeros((len(mesh.origin), len(JOINTS))), body.weights[mesh.origin]
+    weights[:, :OF_BODY] = of_body[:, :OF_BODY]
+    weights[:, list(WRISTS.values())] += of_body[:, OF_BODY:]  # of left_hand and right_hand
     for side, hand in hands.items():
-        rows, first = mesh.hands[side], FIRST[side]
+        rows, first = mesh.hands[side], FIRST_FINGER[side]
         fingers = hand.weights[:, 1:]
-        by_body = _largest(weights[rows, :OF_BODY], MOST - np.count_nonzero(fingers, axis=1))
+        by_body = _largest(weights[rows, :OF_BODY], MOST_JOINTS - np.count_nonzero(fingers, axis=1))
         weights[rows, :OF_BODY] = by_body * hand.weights[:, :1]
-        weights[rows, first : first + len(FINGERS)] = fingers
+        weights[rows, first : first + len(FINGER_JOINTS)] = fingers
     return weights
 
 
 def _largest(shares: Array, counts: Index) -> Array:
     """As many of the largest shares of each row (n, J) as `counts` (n,) says, summing to one."""
     rank = np.argsort(np.argsort(-shares, axis=1, kind="stable"), axis=1, kind="stable")
-    kept = np.where(rank < counts[:, None], shares, 0.0)
-    totals = kept.sum(axis=1, keepdims=True)
-    return np.asarray(np.divide(kept, totals, out=np.zeros_like(kept), where=totals > 0))
+    largest = np.where(rank < counts[:, None], shares, 0.0)
+    totals = largest.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(largest, totals, out=np.zeros_like(largest), where=totals > 0))
 
 
 def _posedirs(body: SkinnedBody, hands: Hands, mesh: Sewing) -> Array:
     posedirs = np.zeros((len(mesh.origin), 3, 9 * (len(JOINTS) - 1)))
-    own = 9 * (OF_BODY - 1)
-    posedirs[:, :, :own] = body.posedirs[mesh.origin, :, :own]
+    n_features = 9 * (OF_BODY - 1)
+    posedirs[:, :, :n_features] = body.posedirs[mesh.origin, :, :n_features]
     for side, hand in hands.items():
-        first = 9 * (FIRST[side] - 1)
+        first = 9 * (FIRST_FINGER[side] - 1)
         posedirs[mesh.hands[side], :, first : first + hand.posedirs.shape[2]] = hand.posedirs
     return posedirs
 
@@ -178,10 +177,10 @@ def _regressor(body: SkinnedBody, hands: Hands, mesh: Sewing) -> csr_array:
 
 
 def _parents(body: SkinnedBody, hand: SkinnedBody) -> tuple[int, ...]:
-    found = list(body.parents[:OF_BODY])
+    parents = list(body.parents[:OF_BODY])
     for side, wrist in WRISTS.items():
-        found += [FIRST[side] + up - 1 if up else wrist for up in hand.parents[1:]]
-    return tuple(found)
+        parents += [FIRST_FINGER[side] + up - 1 if up else wrist for up in hand.parents[1:]]
+    return tuple(parents)
 
 
 def _landmarks(
@@ -197,11 +196,11 @@ def _landmarks(
         on_skin = mesh.of_hand(side, ends.regressor)
         names.append(f"{side}_hand_root")
         rows.append(joints[[WRISTS[side]]])
-        for finger in FINGER_NAMES:
-            own = [f"{side}_{finger}{i}" for i in (1, 2, 3)]
+        for finger in FINGERS:
+            joints_of_finger = [f"{side}_{finger}{i}" for i in (1, 2, 3)]
             tips.append((f"{side}_{finger}_tip", on_skin[[ends.names.index(f"{finger}_tip")]]))
-            names += [*own, tips[-1][0]]
-            rows += [joints[[JOINTS.index(joint) for joint in own]], tips[-1][1]]
+            names += [*joints_of_finger, tips[-1][0]]
+            rows += [joints[[JOINTS.index(joint) for joint in joints_of_finger]], tips[-1][1]]
     return {
         "coco": coco,
         "coco_with_hands": Landmarks(tuple(names), csr_array(vstack(rows))),
@@ -215,32 +214,32 @@ def _capsules(body: SkinnedBody, joints: Array, slopes: Array, mesh: Sewing) -> 
         return None
     parts = body.capsules.arrays()
     number, ends, end_slopes = (parts[key].copy() for key in ("joints", "ends", "end_slopes"))
-    held = mesh.held[1 + FINGERS.index("middle1")]
+    bend = mesh.held[1 + FINGER_JOINTS.index("middle1")]
     for side, before in (("left", OF_BODY), ("right", OF_BODY + 1)):
         middle, own = JOINTS.index(f"{side}_middle1"), np.flatnonzero(number == before)
-        back = matrix_from_vector(held * (AXIAL if side == "left" else 1)).T
+        back = matrix_from_vector(bend * (AXIAL if side == "left" else 1)).T
         ends[own] = (ends[own] - joints[middle]) @ back.T + joints[middle]
         end_slopes[own] = back @ (end_slopes[own] - slopes[middle]) + slopes[middle]
         number[own] = middle
-    found = {"joints": number, "ends": ends, "end_slopes": end_slopes}
-    return Capsules.from_arrays(parts | found)
+    moved = {"joints": number, "ends": ends, "end_slopes": end_slopes}
+    return Capsules.from_arrays(parts | moved)
 
 
 def _card(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing, name: str) -> dict[str, Any]:
-    made = MADE_OF.format(body=body.name, hand=hand.name)
+    how = MADE_OF.format(body=body.name, hand=hand.name)
     counts = {"n_vertices": len(mesh.origin), "n_faces": len(mesh.faces)}
     parts = body, hand
-    own = {key: body.card[key] for key in ("synthetic", "source", "licence") if key in body.card}
+    copied = {key: body.card[key] for key in ("synthetic", "source", "licence") if key in body.card}
     return {
         "name": name,
         **counts,
-        **own,
+        **copied,
         "provenance": [
-            made,
-            *(f"{one.name}: {said}" for one in parts for said in one.card.get("provenance", ())),
+            how,
+            *(f"{part.name}: {said}" for part in parts for said in part.card.get("provenance", ())),
         ],
         "parts": {
-            one.name: {key: one.card[key] for key in ABOUT_PARTS if key in one.card}
-            for one in parts
+            part.name: {key: part.card[key] for key in ABOUT_PARTS if key in part.card}
+            for part in parts
         },
     }

@@ -172,14 +172,14 @@ class SkinnedBody(Body):
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
     ) -> Points:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
-        at = Arguments(self, pose, betas, trans)
+        symbols = Arguments(self, pose, betas, trans)
         chosen = ALL if vertices is None else chosen_vertices(self, vertices)
-        return Points.of(surface_points(self, at, self.numeric, chosen), "vertices")
+        return Points.of(surface_points(self, symbols, self.numeric, chosen), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The posed joints, (3, K) m."""
-        at = Arguments(self, pose, betas, trans)
-        return Points.of(joint_points(self, at, self.numeric), "joints")
+        symbols = Arguments(self, pose, betas, trans)
+        return Points.of(joint_points(self, symbols, self.numeric), "joints")
 
     def _mean_points(
         self,
@@ -188,8 +188,8 @@ class SkinnedBody(Body):
         symbols: tuple[cs.MX, cs.MX, cs.MX],
         displaced: tuple[Block, cs.MX] | None,
     ) -> Points:
-        at = Arguments(self, *symbols, displaced)
-        return Points.of(landmark_points(self, at, self.numeric, landmarks), name)
+        inputs = Arguments(self, *symbols, displaced)
+        return Points.of(landmark_points(self, inputs, self.numeric, landmarks), name)
 
     # Points in numbers. Any argument may have batch axes in front.
 
@@ -209,33 +209,33 @@ class SkinnedBody(Body):
         joints = self.kinematics.motion(theta, beta).joints + move[:, None]
         return joints.reshape(*batch, self.n_joints, 3)
 
-    def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
+    def _displaced(self, name: str, state: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
         if of_joints(name):
             raise no_offsets("of joints")
         landmarks = landmark_set(self.landmarks, name)
-        moved, count = reals("offsets", offsets), len(landmarks.names)
-        if moved.shape[-2:] != (count, 3):
+        shifts, count = reals("offsets", offsets), len(landmarks.names)
+        if shifts.shape[-2:] != (count, 3):
             raise BadBody(
                 f"body {self.name!r} takes offsets of shape (..., {count}, 3) for {count} "
-                f"landmarks, not {moved.shape}"
+                f"landmarks, not {shifts.shape}"
             )
-        batch, (theta, beta, move, moved) = arguments(self, *given, moved)
+        batch, (theta, beta, move, shifts) = arguments(self, *state, shifts)
         if self.is_smpl:
-            points = self.numeric.landmarks(landmarks).evaluate_batch(theta, beta, move, moved)
+            points = self.numeric.landmarks(landmarks).evaluate_batch(theta, beta, move, shifts)
         else:
             posed = self.numeric.displaced_rest(landmarks)
-            points = _each(posed, count, theta, beta, moved) + move[:, None]
+            points = _each(posed, count, theta, beta, shifts) + move[:, None]
         return points.reshape(*batch, count, 3)
 
     @cached_property
     def numeric(self) -> BodyNumbers:
         """What numbers are computed with; free arrays have the numbers that they start from."""
         # not the body itself: what refers to itself is not freed before the garbage collector runs
-        alone = object.__new__(SkinnedBody)
-        alone.__dict__.update(
+        fixed = object.__new__(SkinnedBody)
+        fixed.__dict__.update(
             {part.name: getattr(self, part.name) for part in fields(self)}, free={}
         )
-        return BodyNumbers(alone)
+        return BodyNumbers(fixed)
 
     @property
     def kinematics(self) -> Kinematics:
@@ -245,5 +245,5 @@ class SkinnedBody(Body):
 
 def _each(graph: cs.Function, count: int, *arguments: Array) -> Array:
     """The points (M, count, 3) of a graph at each of M arguments."""
-    found = [np.asarray(graph(*(a.T for a in one))).T for one in zip(*arguments, strict=True)]
-    return np.array(found).reshape(len(arguments[0]), count, 3)
+    points = [np.asarray(graph(*(a.T for a in point))).T for point in zip(*arguments, strict=True)]
+    return np.array(points).reshape(len(arguments[0]), count, 3)

@@ -12,7 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Body
-from workbench.bodies.files.joint_names import FINGERS, family
+from workbench.bodies.files.joint_names import FINGER_JOINTS, family
 from workbench.bodies.readonly import readonly
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, BadBody, UnknownName
@@ -43,8 +43,8 @@ class PoseSpace:
             self.__dict__[key] = readonly(f"{key} of a pose space", getattr(self, key))
         J, C = len(self.joints), len(np.atleast_1d(self.deviations))
         for key, shape in (("mean", (J, 3)), ("components", (C, J, 3)), ("deviations", (C,))):
-            if (found := getattr(self, key).shape) != shape:
-                raise BadBody(f"{key} of a pose space has shape {found}, but must be {shape}")
+            if (actual := getattr(self, key).shape) != shape:
+                raise BadBody(f"{key} of a pose space has shape {actual}, but must be {shape}")
         if not (self.deviations > 0).all():
             raise BadBody("deviations of a pose space must be above zero")
 
@@ -77,9 +77,9 @@ class PoseSpace:
                 f"rotations are an expression (3, {len(others)}), not {rest.shape}"
             )
         flat = self.components.reshape(self.n_components, -1).T
-        own = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
+        in_space = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
         order = np.argsort([*rows, *others])
-        return cs.horzcat(own, rest)[:, order.tolist()]
+        return cs.horzcat(in_space, rest)[:, order.tolist()]
 
     def poses(self, body: Body, coefficients: ArrayLike) -> Array:
         """Poses (..., K, 3) rad in numbers, of coefficients (..., C); the other joints are zero."""
@@ -89,9 +89,9 @@ class PoseSpace:
                 f"the pose space has {self.n_components} components, but the coefficients have "
                 f"shape {z.shape}"
             )
-        found = np.zeros((*z.shape[:-1], body.n_joints, 3))
-        found[..., self._rows(body), :] = self.mixed(z)
-        return found
+        poses = np.zeros((*z.shape[:-1], body.n_joints, 3))
+        poses[..., self._rows(body), :] = self.mixed(z)
+        return poses
 
     def mixed(self, z: Array) -> Array:
         """The rotation vectors (..., J, 3) rad of the space's own joints: mean + sum z_c comp_c."""
@@ -99,8 +99,8 @@ class PoseSpace:
 
     def coefficients(self, body: Body, poses: ArrayLike) -> Array:
         """The coefficients (..., C) of the poses in the space closest to poses (..., K, 3) rad."""
-        own = reals("poses", poses)[..., self._rows(body), :] - self.mean
-        flat = own.reshape(*own.shape[:-2], -1)
+        offsets = reals("poses", poses)[..., self._rows(body), :] - self.mean
+        flat = offsets.reshape(*offsets.shape[:-2], -1)
         return np.asarray(flat @ np.linalg.pinv(self.components.reshape(self.n_components, -1)))
 
     def _rows(self, body: Body) -> list[int]:
@@ -110,12 +110,12 @@ class PoseSpace:
         return [body.joint_names.index(joint) for joint in self.joints]
 
 
-def _check_count(what: str, count: int, there: int) -> None:
-    if not 0 <= count <= there:
-        raise BadArgument(f"there are {there} {what}; ask for 0 to so many, not {count}")
+def _check_count(what: str, count: int, available: int) -> None:
+    if not 0 <= count <= available:
+        raise BadArgument(f"there are {available} {what}; ask for 0 to so many, not {count}")
 
 
-SIDES = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
+SIDE_LETTERS = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
 
 
 def has_pose_space(body: Body) -> bool:
@@ -137,14 +137,14 @@ def pose_space(body: Body, count: int | None = None, side: str | None = None) ->
     components of a hand that are kept; None keeps all. Raises BadBody if the body has none, and
     UnknownName for another side.
     """
-    if side is not None and side not in SIDES:
-        raise UnknownName("side", str(side), SIDES)
+    if side is not None and side not in SIDE_LETTERS:
+        raise UnknownName("side", str(side), SIDE_LETTERS)
     if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
         spaces = []
-        for one in [side] if side is not None else list(SIDES):
-            fingers = {f"{one}_{finger}" for finger in FINGERS}
+        for hand in [side] if side is not None else list(SIDE_LETTERS):
+            fingers = {f"{hand}_{finger}" for finger in FINGER_JOINTS}
             joints = tuple(name for name in body.joint_names if name in fingers)
-            spaces.append(_space(body, SIDES[one], joints, count))
+            spaces.append(_space(body, SIDE_LETTERS[hand], joints, count))
         return _beside(spaces)
     if side is not None:
         raise BadBody(f"body {body.name!r} has one hand; ask for its pose space without a side")
@@ -204,7 +204,7 @@ def _deviations(extras: Mapping[str, NDArray[Any]], end: str, count: int) -> Arr
 
 
 WITH_FACE = ("SMPL-X", "FLAME")
-COUNTS = {400: (300, 100), 20: (10, 10)}  # directions of shape and of expression, by their number
+FACE_BETAS = {400: (300, 100), 20: (10, 10)}  # of shape and of expression, by their number
 
 
 @dataclass(frozen=True)
@@ -254,18 +254,18 @@ class ShapeSpace:
         Fewer coefficients than there are stand for the first ones; the others are zero. Raises
         BadArgument for too many.
         """
-        given = [reals("the shape", shape), reals("the expression", expression)]
-        front = np.broadcast_shapes(*(part.shape[:-1] for part in given))
-        found = np.zeros((*front, self.n_betas))
+        parts = [reals("the shape", shape), reals("the expression", expression)]
+        front = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
+        betas = np.zeros((*front, self.n_betas))
         for rows, part, what in zip(
-            (self.shape, self.expression), given, ("shape", "expression"), strict=True
+            (self.shape, self.expression), parts, ("shape", "expression"), strict=True
         ):
             if part.shape[-1] > len(rows):
                 raise BadArgument(
                     f"there are {len(rows)} coefficients of {what}, and {part.shape[-1]} were given"
                 )
-            found[..., rows.start : rows.start + part.shape[-1]] = part
-        return found
+            betas[..., rows.start : rows.start + part.shape[-1]] = part
+        return betas
 
 
 def shape_space(body: Body) -> ShapeSpace:
@@ -276,7 +276,7 @@ def shape_space(body: Body) -> ShapeSpace:
     """
     B = body.n_betas
     with_face = family(body.n_joints, body.parents) in WITH_FACE
-    shape = COUNTS[B][0] if with_face and B in COUNTS else B
+    shape = FACE_BETAS[B][0] if with_face and B in FACE_BETAS else B
     return ShapeSpace(B, range(shape), range(shape, B))
 
 

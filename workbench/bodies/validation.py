@@ -174,7 +174,7 @@ def check_shapes(
     for name, expected in shapes.items():
         shape = array(name).shape
         sizes = [
-            n if isinstance(one, str) else one for n, one in zip(shape, expected, strict=False)
+            n if isinstance(size, str) else size for n, size in zip(shape, expected, strict=False)
         ]
         if len(shape) != len(expected) or tuple(sizes) != shape:
             refuse(f"{name} has shape {shape}, but must be ({', '.join(map(str, expected))})")
@@ -236,19 +236,19 @@ def _check_landmarks(refuse: Refuse, sets: Mapping[str, Landmarks], N: int) -> N
 
 def chosen_vertices(body: Body, vertices: object) -> list[int]:
     """The vertices that a mask (N,) or a list of their numbers chooses; raises BadBody."""
-    N, there = body.n_vertices, f"body {body.name!r} has vertices 0 to {body.n_vertices - 1}"
+    N, known = body.n_vertices, f"body {body.name!r} has vertices 0 to {body.n_vertices - 1}"
     try:
-        found = numbers("vertices", vertices)
+        chosen = numbers("vertices", vertices)
     except NotNumbers as error:
-        raise BadBody(f"{error}; {there}") from None
-    if found.dtype == bool and found.shape == (N,):
-        found = np.flatnonzero(found)
-    if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
+        raise BadBody(f"{error}; {known}") from None
+    if chosen.dtype == bool and chosen.shape == (N,):
+        chosen = np.flatnonzero(chosen)
+    if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
         raise BadBody(
-            f"{there}; choose some by a list of whole numbers, or by a mask of shape ({N},), "
-            f"not by an array of {found.dtype} of shape {found.shape}"
+            f"{known}; choose some by a list of whole numbers, or by a mask of shape ({N},), "
+            f"not by an array of {chosen.dtype} of shape {chosen.shape}"
         )
-    outside = (found < 0) | (found >= N)
+    outside = (chosen < 0) | (chosen >= N)
     if outside.any():
-        raise BadBody(f"there is no vertex {found[outside][0]}; {there}")
-    return [int(vertex) for vertex in found]
+        raise BadBody(f"there is no vertex {chosen[outside][0]}; {known}")
+    return [int(vertex) for vertex in chosen]

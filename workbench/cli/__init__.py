@@ -13,9 +13,9 @@ from types import FrameType
 
 from workbench.interrupts import caused_by
 
-CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
+EXIT_PIPE_CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
 INTERRUPTED = "interrupted; every file that was written is whole"
-ONE_PRESS = 1.0  # s; signals of one kind within that time are one: the first is being obeyed
+SAME_PRESS_SECONDS = 1.0  # signals of one kind within that time are one: the first is obeyed
 
 
 class Interrupted(BaseException):
@@ -40,27 +40,7 @@ def main() -> None:
         if isinstance(stream := getattr(sys, name), TextIOWrapper):
             stream.reconfigure(errors="replace")
     _listen()
-    code, sentence, unprinted = 0, "", None
-    try:
-        with held():
-            from workbench.cli.app import app
-        app()
-    except Interrupted as leaving:
-        code, sentence = 130, str(leaving)
-    except KeyboardInterrupt:
-        code, sentence = 130, INTERRUPTED
-    except Terminated as leaving:
-        code, sentence = 143, str(leaving) or INTERRUPTED.replace("interrupted", "terminated")
-    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
-        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
-        sentence = INTERRUPTED if code == 130 else ""
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno in (errno.EPIPE, errno.ENOSPC):
-            unprinted = error
-        elif explain(error):
-            code = 2
-        else:
-            raise
+    code, sentence, unprinted = _run_app()
     for number in (signal.SIGINT, signal.SIGTERM):  # what is left to do can be left
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda number, frame: os._exit(128 + number))
@@ -71,12 +51,36 @@ def main() -> None:
         with suppress(OSError):  # what is left is printed nowhere, or Python stumbles as it ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(unprinted, BrokenPipeError):
-        code, sentence = code or CLOSED, ""
+        code, sentence = code or EXIT_PIPE_CLOSED, ""
     elif unprinted is not None:
         code, sentence = 2, f"cannot write to the standard output: {unprinted.strerror}"
     if sentence:
         tell(sentence)
     sys.exit(code)
+
+
+def _run_app() -> tuple[int, str, OSError | None]:
+    """Run a command: its exit code, a last sentence, and why its output could not be written."""
+    try:
+        with defer_signals():
+            from workbench.cli.app import app
+        app()
+    except Interrupted as leaving:
+        return 130, str(leaving), None
+    except KeyboardInterrupt:
+        return 130, INTERRUPTED, None
+    except Terminated as leaving:
+        return 143, str(leaving) or INTERRUPTED.replace("interrupted", "terminated"), None
+    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
+        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        return code, INTERRUPTED if code == 130 else "", None
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.EPIPE, errno.ENOSPC):
+            return 0, "", error
+        if explain(error):
+            return 2, "", None
+        raise
+    return 0, "", None
 
 
 def tell(sentence: str) -> None:
@@ -122,19 +126,19 @@ def interrupts_say(text: Callable[[], str]) -> Iterator[None]:
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Defer Ctrl-C and SIGTERM until the block ends.
 
     Some modules swallow every exception while they are imported.
     """
     arrived: list[int] = []
-    asked = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
-    before = {s: signal.signal(s, lambda number, frame: arrived.append(number)) for s in asked}
+    deferred = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
+    before = {s: signal.signal(s, lambda number, frame: arrived.append(number)) for s in deferred}
     try:
         yield
     finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
+        for signal_number, handler in before.items():
+            signal.signal(signal_number, handler)
     if arrived:
         signal.raise_signal(max(arrived))  # SIGTERM before SIGINT, by the handler that is there
         raise Terminated if signal.SIGTERM in arrived else KeyboardInterrupt
@@ -149,7 +153,7 @@ def _listen() -> None:
 
     def obey(kind: type[BaseException]) -> None:
         now = time.monotonic()
-        if now - obeyed.get(kind, -ONE_PRESS) >= ONE_PRESS:
+        if now - obeyed.get(kind, -SAME_PRESS_SECONDS) >= SAME_PRESS_SECONDS:
             obeyed[kind] = now
             raise kind
 

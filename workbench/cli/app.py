@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple, ParamSpec
 import typer
 from typer.core import TyperCommand
 
-from workbench.cli import INTERRUPTED, held, interrupts_say
+from workbench.cli import INTERRUPTED, defer_signals, interrupts_say
 from workbench.environment import DISTRIBUTION, VERSION
 
 P = ParamSpec("P")
@@ -53,9 +53,9 @@ class Later(TyperCommand):
     """A command of which only the name is known until it is run, or asked for its options."""
 
     @cached_property
-    def whole(self) -> Any:
+    def command(self) -> Any:
         """The command itself. Signals wait until its file has been imported."""
-        with held():
+        with defer_signals():
             file = import_module(f"{__package__}.{VERBS[str(self.name)].file}")
         several = getattr(file, "COMMANDS", None)
         if several is None:
@@ -72,11 +72,11 @@ class Later(TyperCommand):
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
         """The context of the command itself."""
-        return self.whole.make_context(*arguments, **options)
+        return self.command.make_context(*arguments, **options)
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The arguments and options of the command itself."""
-        return list(self.whole.get_params(ctx))
+        return list(self.command.get_params(ctx))
 
 
 def interruptible(command: Callable[P, None]) -> Callable[P, None]:
@@ -115,9 +115,9 @@ def options(
     """Fit a symbolic SMPL body model, and see what the fit cannot determine."""
 
 
-def _later() -> None:
+def _placeholder() -> None:
     """What Typer is given in place of a command: `Later` finds the command itself."""
 
 
 for name, verb in VERBS.items():
-    app.command(name, cls=Later, help=verb.summary, rich_help_panel=verb.group)(_later)
+    app.command(name, cls=Later, help=verb.summary, rich_help_panel=verb.group)(_placeholder)

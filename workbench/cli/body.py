@@ -13,20 +13,21 @@ from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.checking.check_file import check_body_file, check_contents
 from workbench.bodies.files.c_code import JOINTS, write_c
 from workbench.bodies.files.saving import arrays_of
-from workbench.cli.console import folder_to_write, make_folder, print_page, rich_table, say
+from workbench.cli.console import folder_to_write, print_page, rich_table, say
 from workbench.cli.options import Fit, Frame
 from workbench.cli.run import Out
 from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.reports import card_text, write_card
+from workbench.reports.folder import make_folder
 from workbench.reports.page import Table
 from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
 
 Name = Annotated[
     str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
 ]
-WARNED = 1  # the exit code of `check` if there are warnings
-HEAD = ("key", "shape and type", "what becomes of it")
+EXIT_WARNED = 1  # the exit code of `check` if there are warnings
+KEYS_HEAD = ("key", "shape and type", "what becomes of it")
 
 
 def card(name: Name = "default", out: Out = Path("runs")) -> None:
@@ -56,21 +57,21 @@ def check(
     """
     console = Console()
     if file in BODIES:
-        found = check_contents(dict(arrays_of(load_body(file))), file)
+        file_check = check_contents(dict(arrays_of(load_body(file))), file)
     else:
-        found = check_body_file(file)
-    widest = max(map(len, found.facts))
-    say(console, f"[bold]{escape(found.path)}[/]")
-    for name, text in found.facts.items():
+        file_check = check_body_file(file)
+    widest = max(map(len, file_check.facts))
+    say(console, f"[bold]{escape(file_check.path)}[/]")
+    for name, text in file_check.facts.items():
         say(console, f"  {escape(f'{name:{widest}}')}  {escape(text)}")
     console.print()
-    console.print(rich_table(Table(HEAD, found.keys, numbers=())))
+    console.print(rich_table(Table(KEYS_HEAD, file_check.keys, numbers=())))
     console.print()
-    for finding, line in zip(found.findings or [None], found.lines(), strict=True):
+    for finding, line in zip(file_check.findings or [None], file_check.lines(), strict=True):
         warned = finding is not None and finding.warning
         say(console, f"[bold yellow]{escape(line)}[/]" if warned else escape(line))
-    if found.warnings:
-        raise typer.Exit(WARNED)
+    if file_check.warnings:
+        raise typer.Exit(EXIT_WARNED)
 
 
 def sliders(

@@ -14,29 +14,29 @@ from workbench.cli.console import Bars, print_page, rich_table, say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence
-from workbench.comparison.comparison import MAIN
+from workbench.comparison.comparison import MAIN_TAU
 from workbench.comparison.design import chosen
 from workbench.comparison.targets import TargetOutcome, tau_text
 from workbench.experiments import SUITES, find
-from workbench.experiments.experiment import ENOUGH
+from workbench.experiments.experiment import REQUIRED_NAMES
 from workbench.reports import write_comparison
 from workbench.reports.page import Columns, Table, number
 from workbench.solvers import DEFAULT, SOLVERS, Abilities, Boxes, Derivative
 from workbench.solvers.choice import recommend
 from workbench.solvers.nlopt import ALGORITHMS
 
-USUAL = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
+USUAL_SOLVERS = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
 Names = Annotated[
     list[str],
     typer.Argument(
         help=f"Experiments, suites ({', '.join(SUITES)}), problems of a suite (`run --list` names "
-        f"them), and Python files, each of which defines {ENOUGH}."
+        f"them), and Python files, each of which defines {REQUIRED_NAMES}."
     ),
 ]
 Limits = comparison.Budget()
-KEY = (
-    "Effort is the median over starts, and then over problems; ∞ where half of the starts or more "
-    "failed, of half of the problems or more. The page says how the other runs ended."
+EFFORT_NOTE = (
+    "Effort is the median over starts, and then over problems; ∞ where at least half of the starts "
+    "failed on at least half of the problems. The page says how the other runs ended."
 )
 
 
@@ -70,55 +70,55 @@ def compare(
     console = Console()
     experiments = chosen(names, settings(setting))
     budget = comparison.Budget(max_evaluations=max_evaluations, max_seconds=max_seconds)
-    told = Bars(console)
+    bars = Bars(console)
 
-    def left() -> str:
+    def interruption() -> str:
         return (
-            f"interrupted while {told.last}; what was finished is stored in {out}, and the same "
+            f"interrupted while {bars.last}; what was finished is stored in {out}, and the same "
             "command continues from there"
         )
 
-    with interrupts_say(left):
-        with executing(console, workers, dask), told:
-            found = comparison.compare(
+    with interrupts_say(interruption):
+        with executing(console, workers, dask), bars:
+            result = comparison.compare(
                 experiments,
-                solver or USUAL,
+                solver or USUAL_SOLVERS,
                 seeds=seeds,
                 budget=budget,
                 workers=workers,
                 folder=out,
-                progress=told,
+                progress=bars,
             )
-        console.print(rich_table(_table(found)))
-        for text in (prices_sentence(), *advice(found)):
+        console.print(rich_table(_table(result)))
+        for text in (prices_sentence(), *advice(result)):
             say(console, escape(text))
-        say(console, KEY)
+        say(console, EFFORT_NOTE)
         console.print("[dim]writing the page[/]")
-        print_page(console, "report", write_comparison(found, out))
+        print_page(console, "report", write_comparison(result, out))
 
 
-def _table(found: comparison.Comparison) -> Table:
+def _table(result: comparison.Comparison) -> Table:
     """The success of each solver by counts alone, to fit a terminal; the page has intervals."""
-    runs = found.comparable
+    runs = result.comparable
 
     def cells(solver: str) -> tuple[str, ...]:
-        met = sum(found.solved(i.name, solver, MAIN) for i in runs)
-        lowest = sum(found.outcomes[i.name, solver] is TargetOutcome.REACHED for i in runs)
-        effort = found.effort(solver, MAIN).value
+        met = sum(result.solved(i.name, solver, MAIN_TAU) for i in runs)
+        lowest = sum(result.outcomes[i.name, solver] is TargetOutcome.REACHED for i in runs)
+        effort = result.effort(solver, MAIN_TAU).value
         shares = (f"{count}/{len(runs)}" if runs else "–" for count in (met, lowest))
         return solver, *shares, "unknown" if isnan(effort) else number(effort)
 
-    head = ("solver", f"met {tau_text(MAIN)}", "lowest cost", "effort")
-    return Table(head, tuple(map(cells, found.solvers)), (1, 2, 3))
+    head = ("solver", f"met {tau_text(MAIN_TAU)}", "lowest cost", "effort")
+    return Table(head, tuple(map(cells, result.solvers)), (1, 2, 3))
 
 
-ASKED = {
+DERIVATIVE_WORDS = {
     Derivative.COST: "cost",
     Derivative.GRADIENT: "gradient",
     Derivative.JACOBIAN: "Jacobian",
     Derivative.HESSIAN: "Hessian",
 }
-BOUNDS = {Boxes.REFUSED: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
+BOUNDS_WORDS = {Boxes.REFUSED: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
 def solvers(
@@ -136,10 +136,10 @@ def solvers(
         setup = find(problem).setup()
         say(Console(), escape(str(recommend(setup.problem, setup.start))))
         return
-    listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
+    catalogue = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
     console, heads = Console(), [*COLUMNS]
     for shown in (heads[:-2], [heads[0], *heads[-2:]]):  # 80 columns hold either
-        table = Table.of(listed.items(), {head: COLUMNS[head] for head in shown}, ())
+        table = Table.of(catalogue.items(), {head: COLUMNS[head] for head in shown}, ())
         console.print(rich_table(table), highlight=False)
         console.print()
     console.print("constraints: = equations, < inequalities", highlight=False)
@@ -149,8 +149,8 @@ def solvers(
 
 COLUMNS: Columns[tuple[str, Abilities]] = {
     "solver": lambda of: of[0],
-    "evaluates": lambda of: ASKED[of[1].derivative],
-    "bounds": lambda of: BOUNDS[of[1].bounds],
+    "evaluates": lambda of: DERIVATIVE_WORDS[of[1].derivative],
+    "bounds": lambda of: BOUNDS_WORDS[of[1].bounds],
     "constraints": lambda of: " ".join("=" * of[1].equations + "<" * of[1].inequalities) or "-",
     "searches": lambda of: (
         ("everywhere" if of[1].is_global else "downhill")

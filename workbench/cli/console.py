@@ -13,9 +13,9 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from workbench.errors import BadArgument, BadFile, WorkbenchError, listed, some_of
+from workbench.errors import BadArgument, BadFile, listed, some_of
 from workbench.geometry.guesses import UP_TO_Y
-from workbench.reports.folder import refuse_foreign
+from workbench.reports.folder import make_folder, refuse_foreign
 from workbench.reports.page import Table
 
 Up = Annotated[
@@ -49,21 +49,10 @@ def comma_separated(option: str, text: str) -> list[float]:
     return numbers
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder and those above it. Raises WorkbenchError if that is not possible."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise WorkbenchError(
-            f"cannot make the folder {folder}: {error.strerror}; give another with --out"
-        ) from error
-
-
 def folder_to_write(out: Path, name: str, source: str) -> Path:
     """The folder `name` in `out`, which a command checks before it begins its work.
 
-    Raises BadFile if it holds anything but a report on `source`, and WorkbenchError if `out`
-    cannot be made.
+    Raises BadFile if it holds anything but a report on `source`, and if `out` cannot be made.
     """
     make_folder(out)
     refuse_foreign(out / name, source)
@@ -75,16 +64,21 @@ def files_inside(console: Console, folder: Path, kinds: Collection[str], what: s
 
     Raises BadFile if there are none. In sentences the files are `what`.
     """
-    inside = sorted(file for file in folder.iterdir() if file.is_file())
-    found = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
-    if not found:
+    files: list[Path] = []
+    others: list[str] = []
+    for file in sorted(file for file in folder.iterdir() if file.is_file()):
+        if file.suffix.lower() in kinds and not file.name.startswith("."):
+            files.append(file)
+        else:
+            others.append(file.name)
+    if not files:
         raise BadFile(
             f"the folder {folder} holds no {what}, which are files with {listed(kinds)}; "
             "howto/formats.md lists them"
         )
-    if others := [file.name for file in inside if file not in found]:
-        say(console, f"note: not taken for {what}: {escape(some_of(others))}")
-    return found
+    if others:
+        say_notes(console, [f"skipped, because they are no {what}: {some_of(others)}"])
+    return files
 
 
 def rich_table(table: Table) -> RichTable:
@@ -114,7 +108,7 @@ def say(console: Console, text: str) -> None:
 def say_notes(console: Console, notes: Iterable[str]) -> None:
     """Print notes on a file that was read or a result, dim."""
     for note in notes:
-        say(console, f"[dim]{escape(note)}[/]")
+        say(console, f"[dim]note: {escape(note)}[/]")
 
 
 def print_page(console: Console, kind: str, page: Path | str) -> None:
@@ -131,9 +125,9 @@ def warn_unused(
     console: Console, ctx: typer.Context, options: Collection[str], because: str
 ) -> None:
     """Say that those of the options that were typed, be it with their defaults, change nothing."""
-    for one in ctx.command.params:
-        source = ctx.get_parameter_source(one.name or "")
-        for option in one.opts if source and source.name == "COMMANDLINE" else ():
+    for parameter in ctx.command.params:
+        source = ctx.get_parameter_source(parameter.name or "")
+        for option in parameter.opts if source and source.name == "COMMANDLINE" else ():
             if option in options:
                 warn_without_effect(console, option, because)
 

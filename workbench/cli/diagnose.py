@@ -22,10 +22,10 @@ from workbench.cli.run import (
     Out,
     Setting,
     SolverName,
-    begun,
-    built,
+    build_setup,
+    prepare,
     settings,
-    solved,
+    solve_setup,
     solver_named,
 )
 from workbench.diagnostics.design import CRITERIA
@@ -37,7 +37,7 @@ from workbench.fitting.setup import Setup
 from workbench.reports import write_design, write_diagnosis
 from workbench.solvers import DEFAULT, Solver
 
-WARNED = 1  # the exit code if there are warnings
+EXIT_WARNED = 1  # the exit code if there are warnings
 
 
 def diagnose(
@@ -120,17 +120,17 @@ def diagnose(
     )
     print_page(console, "report", page)
     if first.warnings or doubted:
-        raise typer.Exit(WARNED)
+        raise typer.Exit(EXIT_WARNED)
 
 
 def _diagnosed(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
 ) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup, tuple[str, ...]]:
     """At the end of the solver, with what speaks against it, or at the start if there is none."""
-    setup = built(console, experiment)
+    setup = build_setup(console, experiment)
     if data_alone:
         _mind_priors(console, experiment, setup)
-    values, doubted = (setup.start, ()) if solver is None else solved(console, setup, solver)
+    values, doubted = (setup.start, ()) if solver is None else solve_setup(console, setup, solver)
     console.print("[dim]looking at the Jacobian[/]")
     problem, priors = setup.problem, setup.priors
     if data_alone:
@@ -141,16 +141,16 @@ def _diagnosed(
 
 def _over_draws(
     console: Console,
-    found: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
+    diagnosis: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
     setup: Setup,
     draws: int,
 ) -> str:
     """The problem of a diagnosis at draws of the setup's priors, in words."""
     console.print(f"[dim]diagnosing at {draws} draws of the priors[/]")
     over = diagnostics.diagnose_over(
-        found.problem,
+        diagnosis.problem,
         diagnostics.prior_draws(setup.problem, setup.start, setup.priors, draws),
-        priors=[name for name in setup.priors if name in found.problem.rows],
+        priors=[name for name in setup.priors if name in diagnosis.problem.rows],
         gauges=setup.gauges,
     )
     return f"\nAt draws of the priors ({', '.join(setup.priors)}):\n{over.report()}"
@@ -183,13 +183,16 @@ def design(
     ] = None,
     choose: Annotated[int, typer.Option(help="How many candidates to choose.")] = 1,
     criterion: Annotated[
-        str, typer.Option(help="To be small: d (volume), a (mean variance) or e (worst direction).")
+        str,
+        typer.Option(
+            help="What to minimise: d (volume), a (mean variance) or e (worst direction)."
+        ),
     ] = "d",
     sd_of: Annotated[
         str | None,
         typer.Option(
             "--sd-of",
-            help="Instead, the standard deviation of this: "
+            help="Minimise instead the standard deviation of this: "
             f"{', '.join(QUANTITIES)}, or an entry such as trans[z].",
         ),
     ] = None,
@@ -217,28 +220,28 @@ def design(
     if sd_of is not None and over:
         raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
     by = solver_named(solver)
-    experiment, setup, folder = begun(console, name, setting, out, "design")
-    values, _ = solved(console, setup, by)
-    known = candidates or (OWN if setup.candidates else "cameras")
-    given = CANDIDATES[known](setup, values)
-    wanted = CRITERIA[criterion].over(*over) if over else CRITERIA[criterion]
+    experiment, setup, folder = prepare(console, name, setting, out, "design")
+    values, _ = solve_setup(console, setup, by)
+    kind = candidates or (OWN if setup.candidates else "cameras")
+    offered = CANDIDATES[kind](setup, values)
+    objective = CRITERIA[criterion].over(*over) if over else CRITERIA[criterion]
     if sd_of is not None:
-        wanted = sd_named(sd_of, setup, values)
-    several = [values]
+        objective = sd_named(sd_of, setup, values)
+    points_at = [values]
     with Bars(console) as bars:
         if points > 1:
-            several = laplace_points(setup.problem, values, points, seed)
-        found = diagnostics.design(
+            points_at = laplace_points(setup.problem, values, points, seed)
+        ranking = diagnostics.design(
             setup.problem,
-            given,
-            several,
+            offered,
+            points_at,
             choose=choose,
-            criterion=wanted,
+            criterion=objective,
             progress=partial(bars, "comparing candidates"),
         )
-    say(console, escape(found.report()))
+    say(console, escape(ranking.report()))
     console.print("[dim]writing the page[/]")
     page = write_design(
-        found, folder, title=experiment.name, question=setup.question, source=experiment.source
+        ranking, folder, title=experiment.name, question=setup.question, source=experiment.source
     )
     print_page(console, "report", page)

@@ -1,9 +1,8 @@
 """`workbench fit`: keypoints, a folder of images, a video, markers, a mesh."""
 
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import typer
@@ -17,8 +16,8 @@ from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli import Interrupted, interrupts_say
+from workbench.cli import fit_options as option
 from workbench.cli.console import (
-    above_zero,
     files_inside,
     folder_to_write,
     print_page,
@@ -28,17 +27,18 @@ from workbench.cli.console import (
     warn_unused,
     warn_without_effect,
 )
-from workbench.cli.options import Dask, Workers, executing
+from workbench.cli.fit_options import FPS, WITHOUT_EFFECT, kind_of_fit, size_of
+from workbench.cli.options import BodyName, Dask, Workers, executing
 from workbench.cli.register import do_missing_jobs
 from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
 from workbench.environment import expanded
-from workbench.errors import BadArgument, BadFile, NotSupported, listed
+from workbench.errors import NotSupported
 from workbench.experiments import Experiment
 from workbench.fitting.body_priors import apart_prior, checked_height, mixture_prior, pose_prior
 from workbench.fitting.doubts import doubts
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.images import (
-    SPREAD,
+    SPREAD_NOTE,
     ByHeight,
     Smplify,
     SmplifyTerms,
@@ -50,16 +50,20 @@ from workbench.fitting.images import (
 from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
 from workbench.fitting.keypoints import Terms, as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
-from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_files import read_markers
-from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched, read_marker_set
+from workbench.fitting.marker_sets import (
+    MARKER_HEIGHT,
+    MarkerSet,
+    known_markers,
+    matched,
+    read_marker_set,
+)
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
 from workbench.fitting.setup import MANY, Setup
 from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
-from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.motions.soft_tissue import load_tissue, with_tissue
 from workbench.reports.many import ImageFolder
 from workbench.reports.page import unit_text
@@ -67,154 +71,35 @@ from workbench.reports.run import motion_arrays, write_video
 from workbench.solvers import DEFAULT, LevenbergMarquardt, Solver, Status
 from workbench.writing import write_arrays
 
-FPS = 30.0  # frames per second of a clip that does not say
-HIGHEST = 0.1  # m above the skin: what is given in mm by mistake is above it
 MEAN_FILE = "mean.npz"
 WITHOUT_MEAN = f"interrupted; the report is written, but {MEAN_FILE} is not"
 PRIORS = {"gaussian": pose_prior, "mixture": mixture_prior}
 
-FOLDER, MESH = ("--workers", "--dask"), ("--tissue",)
-ONE_IMAGE = ("--recipe", "--prior", "--contact", "--height", "--hypotheses")
-CAMERAS = ("--cameras", "--camera-to-world", "--size", "--focal", "--person")
-WORN = ("--marker-set", "--labels", "--marker-height", "--across")
-UNUSED = {  # options without effect, by what is fitted
-    "a clip": (*MESH, *FOLDER, *ONE_IMAGE, *WORN, "--compare"),
-    "a folder of images": (*MESH, *WORN, "--compare", "--solver", "--mean", "--fps"),
-    "markers": (*MESH, *FOLDER, *CAMERAS, *ONE_IMAGE, "--mean", "--compare"),
-    "a mesh": (*FOLDER, *CAMERAS, *ONE_IMAGE, *WORN, "--mean", "--fps"),
-    "several cameras": (*MESH, *FOLDER, *ONE_IMAGE, *WORN, "--fps"),
-    "one image": (*MESH, *FOLDER, *WORN, "--fps"),
-}
-
-
-def below_the_highest(option: typer.CallbackParam, length: float | None) -> float | None:
-    """A length of a marker in m. Raises BadArgument for one that must be in mm."""
-    if length is not None and not 0 < length < HIGHEST:
-        raise BadArgument(
-            f"{option.opts[0]} takes a length in m, above 0 and below {HIGHEST:g}, such as 0.001 "
-            f"for 1 mm; not {length:g}"
-        )
-    return length
-
-
-def kind_of_fit(paths: list[Path], video: bool) -> str:
-    """What is fitted, by the files; a key of UNUSED."""
-    first = paths[0]
-    suffix = first.suffix.lower()
-    kind = "one image" if len(paths) == 1 else "several cameras"
-    if video:
-        kind = "a clip"
-    elif first.is_dir():
-        kind = "a folder of images"
-    elif suffix in MARKERS or suffix in READERS:
-        kind = "markers" if suffix in MARKERS else "a mesh"
-    elif suffix not in (".json", ""):
-        raise BadFile(
-            f"{first} is nothing that is fitted: keypoints are read from .json as detectors write "
-            f"it (a picture needs one first), markers from {listed(MARKERS)}, and the body's own "
-            f"vertices from {listed(WITH_VERTEX_ORDER)}; `workbench register` takes scans, and "
-            "`workbench convert` skeletons and motions"
-        )
-    if len(paths) > 1 and kind != "several cameras":
-        raise BadFile(
-            f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
-        )
-    return kind
-
 
 def fit(
     ctx: typer.Context,
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Keypoints of one moment, one JSON file per camera (COCO, OpenPose, AlphaPose, "
-            "MMPose, Sapiens, ViTPose, Ultralytics, EasyMocap, MediaPipe, lists, or points by "
-            "name); a folder of such files, of one image each; with --video a clip; "
-            "markers: .c3d, .trc, or .npz with markers (T, M, 3) and labels (M,); or a mesh "
-            f"({', '.join(WITH_VERTEX_ORDER)}) of the body's topology, in metres."
-        ),
-    ],
-    cameras: Annotated[
-        Path | None,
-        typer.Option(
-            help="Calibration, its cameras in the order of the files or named as they are: of "
-            "Pose2Sim, Anipose, EasyMocap, OpenCV, COLMAP or CMU Panoptic (howto/formats.md), or "
-            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}.'
-        ),
-    ] = None,
-    camera_to_world: Annotated[
-        bool, typer.Option("--camera-to-world", help="--cameras holds poses, camera to world.")
-    ] = False,
-    size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
-    focal: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Focal length in px; else it is estimated too."),
-    ] = None,
-    person: Annotated[
-        int | None, typer.Option(help="Which person of a file, from 0; else the largest.")
-    ] = None,
-    height: Annotated[
-        float | None, typer.Option(help="Known stature of the person in one image, in m.")
-    ] = None,
-    recipe: Annotated[
-        Literal["default", "smplify"],
-        typer.Option(help="Terms and stages for one image: our own, or SMPLify's."),
-    ] = "default",
-    prior: Annotated[
-        Literal["gaussian", "mixture"] | None,
-        typer.Option(help="Prior on the pose for one image; else the recipe's."),
-    ] = None,
-    contact: Annotated[
-        bool, typer.Option("--contact", help="In one image, keep limbs out of each other.")
-    ] = False,
-    hypotheses: Annotated[int, typer.Option(help="Number of starts for one image.")] = 1,
-    mean: Annotated[
-        bool,
-        typer.Option(
-            "--mean", help="Also write the posterior's mean, nearer to the truth on average."
-        ),
-    ] = False,
-    video: Annotated[
-        bool, typer.Option(help="FILES is a clip: a folder with a file for each frame.")
-    ] = False,
-    fps: Annotated[
-        float | None,
-        typer.Option(
-            callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."
-        ),
-    ] = None,
-    tissue: Annotated[bool, typer.Option("--tissue", help="Fit soft tissue to a mesh.")] = False,
-    marker_set: Annotated[
-        Path | None, typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.')
-    ] = None,
-    labels: Annotated[
-        Path | None,
-        typer.Option(help="What labels of markers mean: a .csv with lines such as LHeel,LHEE."),
-    ] = None,
-    marker_height: Annotated[
-        float | None,
-        typer.Option(
-            callback=below_the_highest, help=f"Height of markers above the skin in m, else {OUT:g}."
-        ),
-    ] = None,
-    across: Annotated[
-        float | None,
-        typer.Option(
-            callback=below_the_highest,
-            help="Standard deviation of this height in m, such as 0.001.",
-        ),
-    ] = None,
-    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
-    sigma: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Standard deviation of the data, in px or m."),
-    ] = None,
-    solver: Annotated[
-        str | None,
-        typer.Option(
-            "--solver", help=f"A solver; else {DEFAULT}, or levenberg-marquardt for one image."
-        ),
-    ] = None,
+    files: option.Files,
+    cameras: option.Cameras = None,
+    camera_to_world: option.CameraToWorld = False,
+    size: option.Size = None,
+    focal: option.Focal = None,
+    person: option.Person = None,
+    height: option.Height = None,
+    recipe: option.Recipe = "default",
+    prior: option.Prior = None,
+    contact: option.Contact = False,
+    hypotheses: option.Hypotheses = 1,
+    mean: option.Mean = False,
+    video: option.Video = False,
+    fps: option.Fps = None,
+    tissue: option.Tissue = False,
+    marker_set: option.MarkerSetFile = None,
+    labels: option.Labels = None,
+    marker_height: option.MarkerHeight = None,
+    across: option.Across = None,
+    body: BodyName = "default",
+    sigma: option.Sigma = None,
+    solver: option.FitSolver = None,
     compare: Compare = False,
     workers: Workers = 1,
     dask: Dask = None,
@@ -226,17 +111,15 @@ def fit(
     For a folder of images the results are in runs/fit-FOLDER/, and a command that was interrupted
     continues where it stopped.
     """
-    if solver is not None:
-        solver_named(solver)
+    chosen = solver_named(solver or DEFAULT)
     console, paths = Console(), [expanded(path) for path in files]
+    first = paths[0]
     reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
-    how = recipe_of(recipe, height, sigma, prior, contact)
-    model, first = load_body(body), paths[0]
-    kind = kind_of_fit(paths, video)
-    warn_unused(console, ctx, UNUSED[kind], f"it is not for {kind}")
+    image_recipe = recipe_of(recipe, height, sigma, prior, contact)
+    model, kind = load_body(body), kind_of_fit(paths, video)
+    warn_unused(console, ctx, WITHOUT_EFFECT[kind], f"it is not for {kind}")
     if contact and recipe == "smplify":
         warn_without_effect(console, "--contact", "SMPLify has spheres for that")
-    named = solver_named(solver or DEFAULT)
     if kind == "a clip":
         clip = read_clip(
             first,
@@ -247,37 +130,40 @@ def fit(
             person=person,
             camera_to_world=camera_to_world,
         )
-        fit_video(console, first, clip, model, sigma, named, out, mean)
-    elif kind == "a folder of images":
-        work = ImageWork(model, how, reading, hypotheses)
+        fit_video(console, first, clip, model, sigma, chosen, out, mean)
+        return
+    if kind == "a folder of images":
+        work = ImageWork(model, image_recipe, reading, hypotheses)
         fit_folder(console, first, work, body=body, out=out, workers=workers, dask=dask)
-    elif kind == "markers":
-        worn = Worn(marker_set, marker_height or OUT, across, labels)
-        fit_markers(console, first, model, worn, fps, sigma, named, out)
+        return
+    if kind == "markers":
+        worn = Worn(marker_set, marker_height or MARKER_HEIGHT, across, labels)
+        fit_markers(console, first, model, worn, fps, sigma, chosen, out)
+        return
+    if kind == "a mesh":
+        if tissue:
+            model = with_tissue(model, load_tissue())
+        setup = own_mesh(first, model, 0.002 if sigma is None else sigma)
     else:
-        if focal is not None and cameras is not None and kind != "a mesh":
+        if focal is not None and cameras is not None:
             why = f"{cameras} says the focal length of each camera"
             warn_without_effect(console, "--focal", why)
-        setup = (
-            own_mesh(
-                first,
-                with_tissue(model, load_tissue()) if tissue else model,
-                0.002 if sigma is None else sigma,
-            )
-            if kind == "a mesh"
-            else of_keypoints(paths, model, reading, how, sigma, hypotheses)
-        )
-        one = Experiment(
-            first.stem, lambda: setup, "a user's own file", source=str(first.resolve())
-        )
-        by_setup = solver is None and setup.strategy is not None
-        values, folder = carry_out(console, one, None if by_setup else named, compare, out)
-        (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit
-        if mean and kind != "a mesh":
-            add_mean(console, setup, values, folder)
+        setup = keypoint_setup(paths, model, reading, image_recipe, sigma, hypotheses)
+    by_setup = solver is None and setup.strategy is not None
+    experiment = experiment_of(first, setup)
+    values = carry_out(console, experiment, None if by_setup else chosen, compare, out)
+    folder = out / experiment.name
+    (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit
+    if mean and kind != "a mesh":
+        add_mean(console, setup, values, folder)
 
 
-def of_keypoints(
+def experiment_of(file: Path, setup: Setup) -> Experiment:
+    """The fit to a user's file as an experiment, which has the file's name."""
+    return Experiment(file.stem, lambda: setup, "a user's own file", source=str(file.resolve()))
+
+
+def keypoint_setup(
     files: list[Path],
     body: SkinnedBody | TriangleBody,
     reading: ImageReading,
@@ -320,19 +206,9 @@ def recipe_of(
     return replace(recipe, priors=terms)
 
 
-def size_of(text: str | None) -> tuple[int, int] | None:
-    """Width and height in px of text such as 1920x1080. Raises BadArgument."""
-    if text is None:
-        return None
-    found = re.fullmatch("([1-9][0-9]{0,5})x([1-9][0-9]{0,5})", text.strip().lower())
-    if not found:
-        raise BadArgument(f"--size takes WIDTHxHEIGHT in px, such as 1920x1080; not {text!r}")
-    return int(found[1]), int(found[2])
-
-
 def fit_folder(
     console: Console,
-    given: Path,
+    images: Path,
     work: ImageWork,
     *,
     body: str,
@@ -344,21 +220,13 @@ def fit_folder(
 
     Raises BadFile for a folder without such files, and Interrupted after Ctrl-C.
     """
-    jobs = image_jobs(files_inside(console, given, [".json"], "keypoints"))
-    source = given.resolve()
+    jobs = image_jobs(files_inside(console, images, [".json"], "keypoints"))
+    source = images.resolve()
     folder = ImageFolder(out / f"fit-{source.name}", work, body, str(source))
     of_work = folder.key_of_work()
     keys = {job: folder.key(job, of_work) for job in jobs}
     with executing(console, workers, dask) as executor:
-        do_missing_jobs(
-            console,
-            folder,
-            keys,
-            lambda missing: executor(work, in_parts(missing)),
-            folder.finish,
-            "images",
-            "fitted",
-        )
+        do_missing_jobs(console, folder, keys, lambda missing: executor(work, in_parts(missing)))
 
 
 def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> None:
@@ -372,17 +240,18 @@ def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> No
     assert setup.body is not None  # which every fit to images has
     console.print("[dim]drawing from the posterior[/]")
     with interrupts_say(lambda: WITHOUT_MEAN):
-        found = image_mean(setup, values)
+        expected = image_mean(setup, values)
     blocks = [block.name for block in setup.body.blocks()]
-    arrays = {name: found.values[name] for name in (*blocks, *setup.problem.free.names)}
-    of_landmarks = {"landmarks": found.landmarks, "sd": found.sd, "names": np.array(found.names)}
-    write_arrays(folder / MEAN_FILE, {**arrays, **of_landmarks, "sd_is": np.array(SPREAD)})
+    arrays = {name: expected.values[name] for name in (*blocks, *setup.problem.free.names)}
+    arrays |= {"landmarks": expected.landmarks, "sd": expected.sd}
+    arrays |= {"names": np.array(expected.names), "sd_is": np.array(SPREAD_NOTE)}
+    write_arrays(folder / MEAN_FILE, arrays)
     say(
         console,
-        f"the mean of the posterior puts the body {1e3 * found.moved:.0f} mm from its likeliest "
-        f"place (a standard error of {1e3 * found.error:.0f} mm, from {found.draws} draws); "
-        f"landmarks have a standard deviation of {1e3 * np.sqrt(np.mean(found.sd**2)):.0f} mm, "
-        f"which is {SPREAD}",
+        f"the mean of the posterior puts the body {1e3 * expected.moved:.0f} mm from its likeliest "
+        f"place (a standard error of {1e3 * expected.error:.0f} mm, from {expected.draws} draws); "
+        f"landmarks have a standard deviation of {1e3 * np.sqrt(np.mean(expected.sd**2)):.0f} mm, "
+        f"which is {SPREAD_NOTE}",
     )
     print_page(console, "mean", folder / MEAN_FILE)
 
@@ -420,9 +289,9 @@ def fit_video(
     values = {**setup.start, **solution.values}
     warn_of(console, doubts(setup, values, solution))
     console.print(f"{solution.status.name}: {escape(solution.message)}", highlight=False)
-    for one in setup.measures(values):
-        unit = unit_text(one.unit)
-        console.print(f"{escape(one.name)}: {one.value:.4g} {unit}".rstrip(), highlight=False)
+    for measure in setup.measures(values):
+        line = f"{measure.name}: {measure.value:.4g} {unit_text(measure.unit)}".rstrip()
+        console.print(escape(line), highlight=False)
     title = source.resolve().name
     page = write_video(setup, solution, folder, title, str(source.resolve()))
     (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit
@@ -445,7 +314,7 @@ class Worn:
     """What is known of the markers that a person wears."""
 
     file: Path | None = None  # the marker set, in JSON; None for the markers whose places are known
-    height: float = OUT  # of their centres above the skin, in m
+    height: float = MARKER_HEIGHT  # of their centres above the skin, in m
     # its standard deviation in m, or None where places are uncertain in all directions
     across: float | None = None
     labels: Path | None = None  # a table of what the labels of a recording mean, or None
@@ -479,41 +348,32 @@ def fit_markers(
     recording = read_markers(file, sizes=sizes, labels=markers_worn.labels)
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
-    markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
-    folders: list[Path] = []
+    markers = recording.markers[:, list(places)]
 
     def solve(setup: Setup) -> Values:
         question = (
             f"Which shape of the body, and which places of {len(worn.names)} markers on it, "
             f"explain {len(setup.start['observed'])} of the {len(markers)} frames of {file.name}?"
         )
-        experiment = Experiment(
-            file.stem,
-            lambda: replace(setup, question=question),
-            "a user's own file",
-            source=str(file.resolve()),
-        )
-        values, folder = carry_out(console, experiment, marker_solver(solver), False, out)
-        folders.append(folder)
-        return values
+        experiment = experiment_of(file, replace(setup, question=question))
+        return carry_out(console, experiment, marker_solver(solver), False, out)
 
-    found = mosh(
+    capture = mosh(
         markers,
         body,
         worn,
-        sigma=precision,
+        sigma=SIGMA if sigma is None else sigma,
         across=markers_worn.across,
         solve=solve,
         progress=lambda text: console.print(f"[dim]{text}[/]", highlight=False),
     )
-    (folder,) = folders
     arrays: dict[str, NDArray[Any]] = {
-        "poses": found.pose,
-        "trans": found.trans,
-        "errors": found.errors,
-        "frames": found.frames,
-        "betas": found.betas,
-        "offsets": found.offsets,
+        "poses": capture.pose,
+        "trans": capture.trans,
+        "errors": capture.errors,
+        "frames": capture.frames,
+        "betas": capture.betas,
+        "offsets": capture.offsets,
         "labels": np.array(worn.names),
         "joint_names": np.array(body.joint_names),
         "up_axis": np.array("y"),
@@ -521,12 +381,13 @@ def fit_markers(
     rate = recording.fps if fps is None else fps
     if rate is not None:
         arrays["fps"] = np.array(rate)
-    write_arrays(folder / "motion.npz", arrays)
-    off = 1e3 * float(np.sqrt(np.nanmean(found.errors**2)))
-    worst = int(np.argmax(rms_of_markers(found.errors)))
+    path = out / file.stem / "motion.npz"
+    write_arrays(path, arrays)
+    rms = 1e3 * float(np.sqrt(np.nanmean(capture.errors**2)))
+    worst = int(np.argmax(rms_of_markers(capture.errors)))
     say(
         console,
-        f"markers are {off:.1f} mm from those of the body (root mean square over {len(markers)} "
+        f"markers are {rms:.1f} mm from those of the body (root mean square over {len(markers)} "
         f"frames); the worst is {escape(worn.names[worst])}",
     )
-    print_page(console, "motion", folder / "motion.npz")
+    print_page(console, "motion", path)

@@ -27,8 +27,8 @@ def info(
 ) -> None:
     """Print versions, threads, the compiler, the cache, and how surfaces are computed."""
     console = Console()
-    said = RichHandler(console=console, show_time=False, show_level=False, show_path=False)
-    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[said])
+    handler = RichHandler(console=console, show_time=False, show_level=False, show_path=False)
+    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
     for label, text in _facts(body):
         console.print(f"[bold]{label:16}[/]{escape(text)}", highlight=False, soft_wrap=True)
 

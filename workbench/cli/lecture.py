@@ -14,8 +14,8 @@ from rich.table import Table
 
 from workbench import course
 from workbench.cli import lecture_packs
-from workbench.cli.console import make_folder, print_page, say, waiting
-from workbench.course.cells import Cell, carried_out
+from workbench.cli.console import print_page, say, waiting
+from workbench.course.cells import Cell, run_cells
 from workbench.course.formulas import in_letters
 from workbench.course.grading import CheckResult, CheckState, Grade
 from workbench.course.notebooks import notebook, write_notebook
@@ -27,10 +27,11 @@ from workbench.course.site import write_course_site
 from workbench.course.slides import write_slides
 from workbench.diagnostics.words import counted
 from workbench.errors import BadFile
+from workbench.reports.folder import make_folder
 from workbench.writing import write_file
 
 LIMITS = ProcessLimits()
-NOT_ALL_PASSED = 1  # the exit code of `check`
+EXIT_NOT_PASSED = 1  # the exit code of `check`
 
 Folder = Annotated[
     Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
@@ -50,42 +51,43 @@ def list_(
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("", "lecture", "minutes", "points", "minutes of exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
-    for one in (*outline(), *map(own_lecture, folders or ())):
-        points = str(sum(check.points for check in one.checks))
-        said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
-        needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
-        table.add_row(str(one.number), said, str(one.minutes), points, needed)
+    for lecture in (*outline(), *map(own_lecture, folders or ())):
+        points = str(sum(check.points for check in lecture.checks))
+        description = f"[bold]{escape(lecture.title)}[/]\n[dim]{escape(lecture.question)}[/]"
+        effort = f"about {lecture.exercise_minutes}" if lecture.exercise_minutes else ""
+        table.add_row(str(lecture.number), description, str(lecture.minutes), points, effort)
     console = Console()
     console.print(table, highlight=False)
-    told = "`workbench lecture show N` says which exercises a pack holds, with points of their own"
-    say(console, f"\n[dim]{told}[/]")
+    hint = "`workbench lecture show N` says which exercises a pack holds, with points of their own"
+    say(console, f"\n[dim]{hint}[/]")
 
 
 def show(number: Number) -> None:
     """Show a lecture's question, aims, exercises and file."""
-    one, console = lecture_named(number), Console()
-    console.print(f"[bold]{one.number} {escape(one.title)}[/]\n{escape(one.question)}\n")
+    lecture, console = lecture_named(number), Console()
+    console.print(f"[bold]{lecture.number} {escape(lecture.title)}[/]")
+    console.print(f"{escape(lecture.question)}\n")
     for title, text in (
-        ("assumes", one.assumes),
-        ("teaches", one.teaches),
-        ("minutes", str(one.minutes)),
-        ("text", str(one.folder / "lecture.py")),
+        ("assumes", lecture.assumes),
+        ("teaches", lecture.teaches),
+        ("minutes", str(lecture.minutes)),
+        ("text", str(lecture.folder / "lecture.py")),
     ):
         say(console, f"[dim]{title:8}[/] {escape(text)}")
-    exercises = one.module("exercises")
-    varying = {found.variant.exercise: found.variant for found in variants_of(one)}
-    for k, name in enumerate(one.exercises, 1):
-        points = sum(check.points for check in one.checks if check.exercise == name)
+    exercises = lecture.module("exercises")
+    variants = {own.variant.exercise: own.variant for own in variants_of(lecture)}
+    for k, name in enumerate(lecture.exercises, 1):
+        points = sum(check.points for check in lecture.checks if check.exercise == name)
         task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
-        minutes = one.minutes_for(name)
+        minutes = lecture.minutes_for(name)
         worth = counted(points, "point") + (f", about {minutes} minutes" if minutes else "")
-        if name in varying:
-            in_pack = varying[name]
+        if name in variants:
+            in_pack = variants[name]
             worth += "; in a pack, with other numbers for each student: "
             worth += f"{counted(in_pack.points, 'point')}, about {in_pack.minutes} minutes"
-        say(console, f"[bold]{one.number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
-    said = f"workbench lecture run {one.asked}, workbench lecture start {one.asked} FOLDER"
-    say(console, f"\n{escape(said)}")
+        say(console, f"[bold]{lecture.number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
+    argument = escape(lecture.argument)
+    say(console, f"\nworkbench lecture run {argument}, workbench lecture start {argument} FOLDER")
 
 
 def run(
@@ -94,20 +96,20 @@ def run(
     code: Annotated[bool, typer.Option("--code", help="Show the code of each cell too.")] = False,
 ) -> None:
     """Run a lecture: text and results here, figures as files."""
-    one, console = lecture_named(number), Console()
-    make_folder(out / one.folder_name)
+    lecture, console = lecture_named(number), Console()
+    make_folder(out / lecture.folder_name)
     pictures = 0
 
     def before(cell: Cell) -> None:
         if code and not cell.prose:
             print(cell.text)
 
-    for cell, value, _ in carried_out(one.folder / "lecture.py", before):
+    for cell, value, _ in run_cells(lecture.folder / "lecture.py", before):
         if cell.prose:
             _show_prose(console, cell.text)
         elif isinstance(value, course.Picture):
             pictures += 1
-            path = out / one.folder_name / f"figure-{pictures}.png"
+            path = out / lecture.folder_name / f"figure-{pictures}.png"
             write_file(path, value.png)
             console.print(f"[bold]{escape(str(path))}[/]: {escape(value.caption)}\n")
             if value.page is not None:
@@ -116,7 +118,7 @@ def run(
         elif value is not None:
             say(console, escape(repr(value)) + "\n")
     shows = "" if code else "; --code shows it between the text"
-    console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}{shows}", soft_wrap=True)
+    console.print(f"the code: {escape(str(lecture.folder / 'lecture.py'))}{shows}", soft_wrap=True)
 
 
 def _show_prose(console: Console, text: str) -> None:
@@ -133,10 +135,10 @@ def _show_prose(console: Console, text: str) -> None:
 def _with_letters(prose: str) -> str:
     """Formulas in letters; Markdown shall not take their stars and underscores for its own."""
 
-    def shown(found: re.Match[str]) -> str:
-        if not found[1]:
-            return found[0]  # code
-        letters = " ".join(in_letters(found[1]).split())
+    def shown(match: re.Match[str]) -> str:
+        if not match[1]:
+            return match[0]  # code
+        letters = " ".join(in_letters(match[1]).split())
         return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", letters)
 
     return re.sub(r"`[^`]*`|\$([^$]+)\$", shown, prose)
@@ -152,12 +154,12 @@ def begin(
 
     No file there is overwritten.
     """
-    one = lecture_named(number)
-    path = hand_out(one, folder)
+    lecture = lecture_named(number)
+    path = hand_out(lecture, folder)
     console = Console()
     print_page(console, "exercises", path)
     console.print(
-        f"check them: workbench lecture check {escape(one.asked)} {escape(str(path))}",
+        f"check them: workbench lecture check {escape(lecture.argument)} {escape(str(path))}",
         soft_wrap=True,
     )
 
@@ -179,22 +181,22 @@ def check(
 
     Each file runs in its own process. Exits with 1 unless every check passed.
     """
-    limits, one, console = ProcessLimits(seconds), lecture_named(number), Console()
+    limits, lecture, console = ProcessLimits(seconds), lecture_named(number), Console()
     paths = [
-        path / f"{one.folder_name}.py" if path.is_dir() else path for path in files or [Path()]
+        path / f"{lecture.folder_name}.py" if path.is_dir() else path for path in files or [Path()]
     ]
-    every: list[Grade] = []
+    grades: list[Grade] = []
     for path in paths:
         with waiting(f"checking {escape(str(path))}, which takes some seconds"):
-            found = grade(one, path, limits)
-        every.append(found)
+            graded = grade(lecture, path, limits)
+        grades.append(graded)
         if not as_json:
-            print_grade(console, found)
+            print_grade(console, graded)
     if as_json:
-        data = [found.data() for found in every]
+        data = [graded.data() for graded in grades]
         typer.echo(json.dumps(data if len(paths) > 1 else data[0], indent=2))
-    if not all(found.passed for found in every):
-        raise typer.Exit(NOT_ALL_PASSED)
+    if not all(graded.passed for graded in grades):
+        raise typer.Exit(EXIT_NOT_PASSED)
 
 
 def notebooks(folder: Folder) -> None:
@@ -203,14 +205,14 @@ def notebooks(folder: Folder) -> None:
     No file there is overwritten.
     """
     console = Console()
-    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline()}
+    paths = {folder / f"{lecture.folder_name}.ipynb": lecture for lecture in outline()}
     for path in paths:
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
     make_folder(folder)
-    for path, one in paths.items():
-        console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
-        write_notebook(notebook(one), path)
+    for path, lecture in paths.items():
+        console.print(f"[dim]running lecture {lecture.number}, {escape(lecture.title)}[/]")
+        write_notebook(notebook(lecture), path)
     print_page(console, "notebooks", folder)
 
 
@@ -219,9 +221,9 @@ def slides(number: Number, folder: Folder) -> None:
 
     They need no network. Needs the extra `course`.
     """
-    one, console = lecture_named(number), Console()
-    with waiting(f"running lecture {one.number}"):
-        page = write_slides(one, folder)
+    lecture, console = lecture_named(number), Console()
+    with waiting(f"running lecture {lecture.number}"):
+        page = write_slides(lecture, folder)
     print_page(console, "slides", page)
 
 
@@ -231,7 +233,7 @@ def site(folder: Folder) -> None:
     Needs the extra `course`.
     """
     console = Console()
-    page = write_course_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
+    page = write_course_site(folder, lambda line: console.print(f"[dim]{escape(line)}[/]"))
     print_page(console, "site", page)
 
 
@@ -249,51 +251,51 @@ COMMANDS: dict[str, Callable[..., None]] = {
 HELP = "The course: lectures that can be run, and exercises that are graded."
 
 
-COLOUR = {
+STATE_COLOUR = {
     CheckState.PASSED: "green",
     CheckState.FAILED: "bold red",
     CheckState.NOT_ATTEMPTED: "dim",
 }
 
 
-def print_grade(console: Console, found: Grade) -> None:
+def print_grade(console: Console, graded: Grade) -> None:
     """Print the points of every exercise and check, and what was missed."""
     console.print(
-        f"[bold]{found.lecture.number} {escape(found.lecture.title)}[/] "
-        f"[dim]{escape(found.file)}[/]",
+        f"[bold]{graded.lecture.number} {escape(graded.lecture.title)}[/] "
+        f"[dim]{escape(graded.file)}[/]",
         soft_wrap=True,
     )
-    if found.trouble:
-        say(console, f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}")
+    if graded.trouble:
+        say(console, f"[bold red]the file could not be loaded:[/] {escape(graded.trouble)}")
         say(console, "nothing was graded")
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     table.add_column()
     table.add_column()
     table.add_column(justify="right")
-    for k, (name, results) in enumerate(found.exercises.items(), 1):
-        reached, of = sum(m.points for m in results), sum(m.of for m in results)
-        table.add_row(f"[bold]{found.lecture.number}.{k} {name}[/]", "", f"[bold]{reached}/{of}[/]")
-        told: list[str] = []
-        for mark in [] if found.trouble else results:
+    for k, (name, results) in enumerate(graded.exercises.items(), 1):
+        earned, of = sum(m.points for m in results), sum(m.of for m in results)
+        table.add_row(f"[bold]{graded.lecture.number}.{k} {name}[/]", "", f"[bold]{earned}/{of}[/]")
+        last: list[str] = []
+        for mark in [] if graded.trouble else results:
             table.add_row(_state(mark), escape(mark.check), f"[dim]{mark.points}/{mark.of}[/]")
             lines = _lines(mark)
             if lines:  # once, if all checks meet with the same
                 again = "[dim]not checked: see above[/]"
-                table.add_row("", again if lines == told else "\n".join(lines))
-            told = lines
-        if printed := found.printed.get(name):
+                table.add_row("", again if lines == last else "\n".join(lines))
+            last = lines
+        if printed := graded.printed.get(name):
             table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
     console.print(table, highlight=False)
-    console.print(f"[bold]{found.points} of {counted(found.of, 'point')}[/]\n", highlight=False)
+    console.print(f"[bold]{graded.points} of {counted(graded.of, 'point')}[/]\n", highlight=False)
 
 
 def _state(mark: CheckResult) -> str:
-    return f"  [{COLOUR[mark.state]}]{mark.state.value}[/]"
+    return f"  [{STATE_COLOUR[mark.state]}]{mark.state.value}[/]"
 
 
 def _lines(mark: CheckResult) -> list[str]:
     lines = []
-    for title, text in mark.told:
+    for title, text in mark.explanations:
         lead = f"{title:10}" if title else ""
         style = "yellow" if title == "perhaps" else "dim"
         lines.append(f"[{style}]{lead}[/]" + escape(text).replace("\n", "\n" + " " * len(lead)))

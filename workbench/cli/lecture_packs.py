@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.cli import interrupts_say
-from workbench.cli.console import print_page, say, waiting
+from workbench.cli.console import at_least_one, print_page, say, waiting
 from workbench.course.packs.handing_out import read_students, write_pack
 from workbench.course.packs.keys import KEYS, QUESTIONS, read_keys
 from workbench.course.packs.marking import (
@@ -21,7 +21,7 @@ from workbench.course.packs.marking import (
     remarks,
     try_file,
 )
-from workbench.course.packs.submissions import EXPECTED, Submissions, collect
+from workbench.course.packs.submissions import NOT_REPORTED, Submissions, collect
 from workbench.course.process import ProcessLimits
 from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
@@ -29,7 +29,7 @@ from workbench.reading.facts import json_in
 from workbench.writing import write_file
 
 LIMITS = ProcessLimits()
-NOT_ALL_RIGHT = 1  # the exit code of `try`
+EXIT_NOT_RIGHT = 1  # the exit code of `try`
 
 Seconds = Annotated[
     float, typer.Option(help="Seconds that each exercise, and loading the file, may take.")
@@ -58,7 +58,7 @@ def pack(
         Path | None, typer.Option(help="New folder for the answers, else TO-keys.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Draws all numbers; else one that nobody can guess.")
+        int | None, typer.Option(help="Seed of all numbers; else one that nobody can guess.")
     ] = None,
 ) -> None:
     """Write exercises for a class, each student's with own numbers.
@@ -66,34 +66,36 @@ def pack(
     The keys are kept apart.
     """
     console = Console()
-    hidden = keys or to.with_name(f"{to.name}-keys")
+    keys_folder = keys or to.with_name(f"{to.name}-keys")
     listed = read_students(students, column)
-    named = listed.names
+    names = listed.names
     if listed.columns:
         say(console, f"students are named by {escape(' and '.join(listed.columns))}")
     with Console(stderr=True).status("drawing numbers and computing answers") as status:
-        made = write_pack(
-            what, group, named, to, hidden, seed, lambda name: status.update(f"writing {name}")
+        written = write_pack(
+            what, group, names, to, keys_folder, seed, lambda name: status.update(f"writing {name}")
         )
-    points = sum(one.points for one in made.exercises)
-    minutes = sum(one.minutes for one in made.exercises)
-    for one in made.exercises:
-        worth = f"{counted(one.points, 'point')}, about {one.minutes} minutes"
-        say(console, f"[bold]{one.number} {one.exercise}[/] [dim]({worth})[/]")
+    exercises = written.exercises
+    points = sum(exercise.points for exercise in exercises)
+    minutes = sum(exercise.minutes for exercise in exercises)
+    for exercise in exercises:
+        worth = f"{counted(exercise.points, 'point')}, about {exercise.minutes} minutes"
+        say(console, f"[bold]{exercise.number} {exercise.exercise}[/] [dim]({worth})[/]")
     say(
         console,
-        f"{counted(len(made.exercises), 'exercise')}, {points} points, about {minutes} minutes as "
-        f"estimated, for {counted(len(named), 'student')}",
+        f"{counted(len(exercises), 'exercise')}, {points} points, about {minutes} minutes as "
+        f"estimated, for {counted(len(names), 'student')}",
     )
     print_page(console, "to hand out, a folder for each student", to)
-    print_page(console, "keys, which are yours alone", hidden)
-    print_page(console, "mark them", f"workbench lecture mark HANDED_IN --keys {hidden}")
-    chose = ["--column", column] if column else []
-    again = [*what, "--for", group, "--students", students, *chose, "--seed", str(made.seed)]
+    print_page(console, "keys, which are yours alone", keys_folder)
+    print_page(console, "mark them", f"workbench lecture mark HANDED_IN --keys {keys_folder}")
+    command = [*what, "--for", group, "--students", students, "--seed", str(written.seed)]
+    if column:
+        command += ["--column", column]
     say(
         console,
-        f"the seed is {made.seed}; it stands in the keys, too. The same pack again, for which it "
-        f"has to be kept: workbench lecture pack {escape(shlex.join(again))} --to NEW_FOLDER",
+        f"the seed, {written.seed}, is also in the keys; keep it to write the same pack again: "
+        f"workbench lecture pack {escape(shlex.join(command))} --to NEW_FOLDER",
     )
 
 
@@ -112,16 +114,16 @@ def attempt(
     console, wrong = Console(), 0
     for path in files:
         with waiting(f"trying {escape(str(path))}, which takes some seconds"):
-            found = try_file(path, ProcessLimits(seconds, memory))
-        for one in found:
-            right = one.points == one.of
+            results = try_file(path, ProcessLimits(seconds, memory))
+        for result in results:
+            right = result.points == result.of
             wrong += not right
             state = "[green]right on the examples[/]" if right else "[bold red]not yet[/]"
-            say(console, f"[bold]{one.number} {one.exercise}[/]  {state}")
-            for said in one.remarks:
-                say(console, f"    {escape(said)}")
+            say(console, f"[bold]{result.number} {result.exercise}[/]  {state}")
+            for remark in result.remarks:
+                say(console, f"    {escape(remark)}")
     if wrong:
-        raise typer.Exit(NOT_ALL_RIGHT)
+        raise typer.Exit(EXIT_NOT_RIGHT)
 
 
 def mark(
@@ -134,7 +136,9 @@ def mark(
     ] = Path("marks.csv"),
     seconds: Seconds = LIMITS.seconds,
     memory: Memory = LIMITS.memory,
-    workers: Annotated[int, typer.Option(help="Files that run at once.")] = 1,
+    workers: Annotated[
+        int, typer.Option(callback=at_least_one, help="Files that run at once.")
+    ] = 1,
     only_answers: Annotated[
         Path | None,
         typer.Option(metavar="FILE.json", help="Write what the files answer, and mark nothing."),
@@ -145,23 +149,21 @@ def mark(
 ) -> None:
     """Mark submissions of a class, and write the marks as CSV.
 
-    Each file answers in a process of its own. If it is interrupted, the same command goes on.
+    Each file answers in a process of its own. After an interrupt the same command continues.
     """
     if table.suffix.lower() != ".csv":
         raise BadArgument(f"--csv takes the name of a file .csv, not {table}")
-    if workers < 1:
-        raise BadArgument(f"--workers takes a number of files, 1 or more, not {workers}")
     console, limits = Console(), ProcessLimits(seconds, memory)
     key = read_keys(keys, KEYS if only_answers is None else QUESTIONS)
-    found = collect(folder, key)
+    submissions = collect(folder, key)
     if only_answers is not None:
         with waiting("asking for answers, which takes some seconds for each file"):
-            sent = answers_of_class(found, key, limits, workers)
-        write_file(only_answers, json.dumps(sent))
+            class_answers = answers_of_class(submissions, key, limits, workers)
+        write_file(only_answers, json.dumps(class_answers))
         print_page(console, "answers, to be marked beside the keys", only_answers)
         return
-    given = None if answers is None else _read_answers(answers)
-    of, done = sum(one.points for one in key.exercises), 0
+    known_answers = None if answers is None else _read_answers(answers)
+    of, done = sum(exercise.points for exercise in key.exercises), 0
 
     def tell(student: str, mark: StudentMark, again: bool) -> None:
         nonlocal done
@@ -172,40 +174,40 @@ def mark(
             console,
             f"[dim]{done} of {len(key.students)}[/] [bold]{name}[/]  {mark.points} of {of}{kept}",
         )
-        for said in remarks(mark):
-            say(console, f"    {escape(said)}")
+        for remark in remarks(mark):
+            say(console, f"    {escape(remark)}")
 
-    def left() -> str:
+    def interruption() -> str:
         return (
             f"interrupted; {done} of {len(key.students)} students are marked, and {table} says "
-            "which. The same command goes on"
+            "which. The same command continues"
         )
 
     with (
-        interrupts_say(left),
+        interrupts_say(interruption),
         Console(stderr=True).status("marking, which takes some seconds for each file"),
     ):
-        mark_class(found, key, keys, table, limits, tell, workers, given)
-    _say_unused(console, found)
+        mark_class(submissions, key, keys, table, limits, tell, workers, known_answers)
+    _say_unused(console, submissions)
     print_page(console, "marks", table)
 
 
 def _read_answers(path: Path) -> dict[str, Any]:
     """What --only-answers wrote; only its form at the top is looked at here. Raises BadFile."""
-    found = json_in(path)
-    if not isinstance(found, dict) or not all(
-        isinstance(some, list) and all(isinstance(one, dict) for one in some)
-        for some in found.values()
+    answers = json_in(path)
+    if not isinstance(answers, dict) or not all(
+        isinstance(listed, list) and all(isinstance(answer, dict) for answer in listed)
+        for listed in answers.values()
     ):
         raise BadFile(f"{path} is not what `workbench lecture mark --only-answers` wrote")
-    return found
+    return answers
 
 
-def _say_unused(console: Console, found: Submissions) -> None:
+def _say_unused(console: Console, submissions: Submissions) -> None:
     """Every file that is not marked, with the reason, but for what is to be expected."""
-    for one in found.unused:
-        if one.why not in EXPECTED:
-            path, why = escape(str(one.path)), escape(one.why)
+    for file in submissions.unused:
+        if file.why not in NOT_REPORTED:
+            path, why = escape(str(file.path)), escape(file.why)
             say(console, f"[yellow]not marked:[/] {path}: {why}")
 
 

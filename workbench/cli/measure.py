@@ -45,5 +45,6 @@ def measure(
         if len(numbers) > body.n_betas:
             raise BadArgument(f"body {name} has {body.n_betas} betas, not {len(numbers)}")
         shape[: len(numbers)] = numbers
-    rows = tuple((one, f"{float(value):.3f}") for one, value in measured(body, shape).items())
+    lengths = measured(body, shape)
+    rows = tuple((what, f"{float(length):.3f}") for what, length in lengths.items())
     Console().print(rich_table(Table(("measurement", "m"), rows)))

@@ -45,10 +45,14 @@ from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_
 from workbench.reports.page import Table
 from workbench.reports.replays import motion_page
 
-MARKERS = (".npz", ".trc")  # what is written of markers
-MOTIONS = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
+MARKER_SUFFIXES = (".npz", ".trc")  # what is written of markers
+MOTION_SUFFIXES = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
 EXACT = "exact"
 OF_MOTIONS = ("--fps", "--rate", "--body", "--page", "--tissue", "--animation")
+Rate = Annotated[
+    float | None,
+    typer.Option(callback=above_zero, help="Frames a second, if the file does not say."),
+]
 Person = Annotated[
     str | None, typer.Option(help="Which of several people in a file; else who is in most frames.")
 ]
@@ -72,13 +76,12 @@ def motion(
         float | None,
         typer.Option(callback=above_zero, help="Resample a motion to so many frames a second."),
     ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
-    ] = None,
+    rate: Rate = None,
     layout: Annotated[
         str,
-        typer.Option(help="Of an .npz: amass, or smplx, whose arrays are the arguments of smplx."),
+        typer.Option(
+            help="Names of arrays in an .npz: amass, or smplx, those of the arguments of smplx."
+        ),
     ] = LAYOUTS[0],
     page: Annotated[
         Path | None, typer.Option(help="Write a page (.html) on which a body plays the motion.")
@@ -86,7 +89,7 @@ def motion(
     correctives: Annotated[
         str,
         typer.Option(
-            help="Morph targets of a .glb for what pose adds to the surface: a number, or "
+            help="Morph targets of a .glb for the pose blend shapes: a number of them, or "
             f"{EXACT}; their error is printed."
         ),
     ] = "0",
@@ -124,55 +127,54 @@ def motion(
     if page is not None and page.suffix.lower() != ".html":
         raise BadArgument(f"--page takes a file that ends in .html, not {page}")
     if holds_markers(path):
-        refuse_suffix(out, MARKERS, "markers")
+        refuse_suffix(out, MARKER_SUFFIXES, "markers")
         warn_unused(console, ctx, OF_MOTIONS, f"{path.name} holds markers, and no motion")
-        _markers(console, read_markers(path, unit=unit, up=up), path, out)
+        _say_markers(console, read_markers(path, unit=unit, up=up), path, out)
         return
-    refuse_suffix(out, MOTIONS, "a motion")
+    refuse_suffix(out, MOTION_SUFFIXES, "a motion")
     model = None if body is None else load_body(body)
-    found = read_motion(
+    motion = read_motion(
         path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
     )
-    _say_motion(console, found, path)
+    _say_motion(console, motion, path)
     if fps is not None:
-        found = found.resampled(fps)
-        say(console, f"resampled to {len(found)} frames at {fps:g} frames a second")
-    wanted = "" if out is None else out.suffix.lower()
-    bare = found.bones is None and wanted == ".bvh"
-    shown = page is not None or wanted == ".glb"
-    if tissue and not shown:
+        motion = motion.resampled(fps)
+        say(console, f"resampled to {len(motion)} frames at {fps:g} frames a second")
+    suffix = "" if out is None else out.suffix.lower()
+    needs_body = page is not None or suffix == ".glb"
+    if tissue and not needs_body:
         raise BadArgument("--tissue shows on a page or in a .glb; give --page or --out WALK.glb")
-    if model is None and (bare or shown):
+    if model is None and (needs_body or (suffix == ".bvh" and motion.bones is None)):
         model = load_body("default")
         say(console, "the body is default; --body takes another")
     if model is not None:
-        before = found.notes
-        found = found.named(model)
-        say_notes(console, found.notes[len(before) :])
-        if len(found.betas):
-            warn_of(console, of_person(model, found.betas_on(model)))
-    betas, told = None, ""
+        before = motion.notes
+        motion = motion.named(model)
+        say_notes(console, motion.notes[len(before) :])
+        if len(motion.betas):
+            warn_of(console, of_person(model, motion.betas_on(model)))
+    betas, sentence = None, ""
     if dmpls is not None:
-        if not isinstance(model, SkinnedBody) or found.dmpls is None or not shown or tissue:
+        if not isinstance(model, SkinnedBody) or motion.dmpls is None or not needs_body or tissue:
             raise BadArgument(
                 "--dmpls moves the --body of an SMPL file by the dmpls of a motion of AMASS, on "
                 "--page or in a .glb, and not together with --tissue"
             )
         model = with_dmpls(model, expanded(dmpls))
-        betas = found.betas_on(model)
+        betas = motion.betas_on(model)
     if tissue:
         assert model is not None
-        found, model, betas, told = _with_tissue(console, found, model)
+        motion, model, betas, sentence = _with_tissue(console, motion, model)
     if page is not None:
         assert model is not None
-        made = motion_page(found, model, path.name, betas, [f"{told}."] if told else ())
-        print_page(console, "page", made.save(page))
+        replay = motion_page(motion, model, path.name, betas, [f"{sentence}."] if sentence else ())
+        print_page(console, "page", replay.save(page))
     if out is not None:
-        write_motion(console, out, found, model, count, shapes, betas, layout)
+        write_motion(console, out, motion, model, count, shapes, betas, layout)
 
 
 def _with_tissue(
-    console: Console, found: Motion, body: Body
+    console: Console, motion: Motion, body: Body
 ) -> tuple[Motion, SkinnedBody, Array, str]:
     """The motion at the tissue's rate, the body with tissue, its betas in every frame; a sentence.
 
@@ -180,53 +182,52 @@ def _with_tissue(
     """
     soft = load_tissue()
     model = with_tissue(body, soft)
-    found = soft.prepared(found)
-    betas = betas_with_tissue(body, soft, found)
+    motion = soft.prepared(motion)
+    betas = betas_with_tissue(body, soft, motion)
     away = 1e3 * np.linalg.norm(displaced_by(soft, betas), axis=2)
-    told = (
-        "The soft tissue is simulated, and was learned from no measurement of people: in "
-        f"{len(found)} frames at {found.fps:g} frames a second it moves vertices by "
+    sentence = (
+        "The soft tissue is simulated, and was not learned from measurements of people: in "
+        f"{len(motion)} frames at {motion.fps:g} frames a second it moves vertices by "
         f"{away.mean():.1f} mm on average and {away.max():.0f} mm at most"
     )
-    say(console, told)
-    return found, model, betas, told
+    say(console, sentence)
+    return motion, model, betas, sentence
 
 
-def _say_motion(console: Console, found: Motion, path: Path) -> None:
-    moved = np.linalg.norm(np.diff(found.trans, axis=0), axis=1)
+def _say_motion(console: Console, motion: Motion, path: Path) -> None:
+    steps = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1)
     lines = [
-        f"{path.name} holds a motion of {len(found)} frames at {found.fps:g} frames a second, "
-        f"{found.seconds:.2f} s",
-        f"{len(found.joint_names)} joints: {some_of(found.joint_names)}",
-        f"the root travels {moved.sum():.2f} m",
+        f"{path.name} holds a motion of {len(motion)} frames at {motion.fps:g} frames a second, "
+        f"{motion.seconds:.2f} s",
+        f"{len(motion.joint_names)} joints: {some_of(motion.joint_names)}",
+        f"the root travels {steps.sum():.2f} m",
     ]
-    if found.bones is not None:
-        tall = float(np.ptp(np.concatenate([found.joints()[0], _ends(found)[0]])[:, 1]))
-        lines.append(f"it has bones of its own, {tall:.2f} m tall in the first frame")
-    if len(found.betas):
-        lines.append(f"{len(found.betas)} betas, the largest {np.abs(found.betas).max():.2f}")
-    if found.dmpls is not None:
-        lines.append(f"{found.dmpls.shape[1]} coefficients of dynamic blend shapes (dmpls)")
-    if found.expression is not None:
-        lines.append(f"{found.expression.shape[1]} coefficients of expression")
+    if motion.bones is not None:
+        ends = motion.bones.ends(motion.pose[:1], motion.trans[:1])
+        tall = float(np.ptp(np.concatenate([motion.joints()[0], ends[0]])[:, 1]))
+        lines.append(f"its own skeleton is {tall:.2f} m tall in the first frame")
+    if len(motion.betas):
+        lines.append(f"{len(motion.betas)} betas, the largest {np.abs(motion.betas).max():.2f}")
+    if motion.dmpls is not None:
+        lines.append(f"{motion.dmpls.shape[1]} coefficients of dynamic blend shapes (dmpls)")
+    if motion.expression is not None:
+        lines.append(f"{motion.expression.shape[1]} coefficients of expression")
     for line in lines:
         say(console, escape(line))
-    say_notes(console, found.notes)
+    say_notes(console, motion.notes)
 
 
-def _ends(found: Motion) -> Array:
-    assert found.bones is not None
-    return found.bones.ends(found.pose[:1], found.trans[:1])
-
-
-def _markers(console: Console, found: MarkerRecording, path: Path, out: Path | None) -> None:
-    T, M = found.markers.shape[:2]
-    rate = "of an unknown rate" if found.fps is None else f"at {found.fps:g} frames a second"
+def _say_markers(
+    console: Console, recording: MarkerRecording, path: Path, out: Path | None
+) -> None:
+    T, M = recording.markers.shape[:2]
+    fps = recording.fps
+    rate = "of an unknown rate" if fps is None else f"at {fps:g} frames a second"
     say(console, escape(f"{path.name} holds {M} markers in {T} frames {rate}"))
-    say(console, escape(f"labels: {some_of(found.labels)}"))
-    say_notes(console, found.notes)
+    say(console, escape(f"labels: {some_of(recording.labels)}"))
+    say_notes(console, recording.notes)
     if out is not None:
-        write_markers(out, found)
+        write_markers(out, recording)
         say(console, f"markers: {escape(str(out))}")
 
 
@@ -273,21 +274,21 @@ def write_motion(
             )
         if correctives != 0 or shapes:
             used = min(shapes, body.n_betas)
-            found = write_glb(out, motion, body, correctives=correctives, shapes=used)
-            say(console, f"{used} shape directions, {found}")
+            fit = write_glb(out, motion, body, correctives=correctives, shapes=used)
+            say(console, f"{used} shape directions, {fit}")
             say(console, f"size: {out.stat().st_size / 1e6:.2f} MB")
         else:
             write_glb(out, motion, body, betas=betas)
     say(console, f"motion: {escape(str(out))}")
 
 
-WORST = 8  # points that are listed
-APART = 0.1  # m, of joints from those of a skeleton: proportions explain less
-SKELETON = (
+MOST_POINTS = 8  # points that are listed
+FAR_FROM_SKELETON = 0.1  # m, of joints from those of a skeleton: proportions explain less
+SKELETON_DIFFERS = (
     "the joints are far from those of the skeleton in the file: its proportions, its rest pose or "
     "the axes of its joints are others than those of --from; look at both with `workbench motion`"
 )
-KNOWN = f"{', '.join(BODIES)}, or a file of your own"
+KNOWN_BODIES = f"{', '.join(BODIES)}, or a file of your own"
 
 
 def convert(
@@ -301,17 +302,16 @@ def convert(
     out: Annotated[
         Path | None, typer.Option(help="A .npz, .bvh or .glb; else FILE-BODY.npz.")
     ] = None,
-    to: Annotated[
-        str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN}).")
-    ] = "default",
+    to: Annotated[str, typer.Option(help=f"The body to convert to ({KNOWN_BODIES}).")] = "default",
     source: Annotated[
         str | None, typer.Option("--from", help="The motion's own body; else a skeleton is fitted.")
     ] = None,
     names: Annotated[
         Path | None,
         typer.Option(
-            help="A .csv with lines such as Arm_L,left_shoulder: which joints or points names of "
-            "the file are, if they are none of Mixamo, CMU, Xsens and others that are known."
+            help="A .csv with lines such as Arm_L,left_shoulder: names in the file, and the joints "
+            "or points that they stand for, unless they are those of Mixamo, CMU, Xsens or others "
+            "that are known."
         ),
     ] = None,
     points: Annotated[
@@ -320,10 +320,7 @@ def convert(
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the named points in mm.")
     ] = 1e3 * SIGMA,
-    rate: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
-    ] = None,
+    rate: Rate = None,
     unit: Annotated[
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
     ] = None,
@@ -333,7 +330,7 @@ def convert(
 ) -> None:
     """Turn a motion, a skeleton that moves, or points in space into the motion of a body."""
     console, path = Console(), expanded(file)
-    refuse_suffix(out, MOTIONS, "a motion")
+    refuse_suffix(out, MOTION_SUFFIXES, "a motion")
     target = load_body(to)
     written = out or Path(f"{path.stem}-{target.name}.npz")
     table = None if names is None else expanded(names)
@@ -356,8 +353,8 @@ def convert(
                 sigma=1e-3 * sigma,
                 progress=bars,
             )
-        found = _from_points(console, fit, target, "points")
-        write_motion(console, written, found, target)
+        converted = _from_points(console, fit, target, "points")
+        write_motion(console, written, converted, target)
         return
     if points is not None:
         warn_without_effect(console, "--points", f"{path.name} holds a motion")
@@ -368,7 +365,7 @@ def convert(
     if model is not None:
         if names is not None:
             warn_without_effect(console, "--names", "with --from, joints have the body's names")
-        found = _from_body(console, motion, model, target)
+        converted = _from_body(console, motion, model, target)
     elif motion.bones is not None:
         say_notes(console, motion.notes)
         labels = motion.joint_names
@@ -379,10 +376,10 @@ def convert(
             fit = motion_from_skeleton(
                 motion, target, names=labels, sigma=1e-3 * sigma, progress=bars
             )
-        found = _from_points(console, fit, target, "joints")
+        converted = _from_points(console, fit, target, "joints")
     else:
-        raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
-    write_motion(console, written, found, target)
+        raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN_BODIES}")
+    write_motion(console, written, converted, target)
 
 
 def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> Motion:
@@ -391,24 +388,25 @@ def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> 
     )
     say(console, escape(str(correspondence)))
     with Bars(console) as bars:
-        found = conversion.convert(
+        fit = conversion.convert(
             motion, source, target, correspondence=correspondence, progress=bars
         )
-    say_notes(console, found.motion.notes)
-    warn_of(console, doubts_of(found.motion, target, found.errors, f"the surface of {source.name}"))
-    own = skeleton_errors(found.motion, target, motion)
+    say_notes(console, fit.motion.notes)
+    surface = f"the surface of {source.name}"
+    warn_of(console, doubts_of(fit.motion, target, fit.errors, surface))
+    own = skeleton_errors(fit.motion, target, motion)
     if own is not None:
         mean = 1e3 * float(own.mean())
-        if mean > 1e3 * APART:
-            warn_of(console, [SKELETON])
+        if mean > 1e3 * FAR_FROM_SKELETON:
+            warn_of(console, [SKELETON_DIFFERS])
         say(console, f"joints are {mean:.1f} mm from those of the file's skeleton on average")
     rows = tuple(
         (part, f"{1e3 * mean:.1f}", f"{1e3 * largest:.1f}")
-        for part, (mean, largest) in found.by_part.items()
+        for part, (mean, largest) in fit.by_part.items()
     )
     console.print(rich_table(Table(("part", "mean mm", "largest mm"), rows, (1, 2))))
-    say(console, f"vertices are {1e3 * found.mean():.2f} mm from the other surface on average")
-    return found.motion
+    say(console, f"vertices are {1e3 * fit.mean():.2f} mm from the other surface on average")
+    return fit.motion
 
 
 def _from_points(console: Console, fit: PointFit, target: Body, what: str) -> Motion:
@@ -418,7 +416,7 @@ def _from_points(console: Console, fit: PointFit, target: Body, what: str) -> Mo
     order = np.argsort(-each, kind="stable")
     rows = tuple(
         (fit.names[i], fit.labels[i], f"{each[i]:.1f}")
-        for i in (order if what == "joints" else order[:WORST])
+        for i in (order if what == "joints" else order[:MOST_POINTS])
     )
     console.print(rich_table(Table((what.removesuffix("s"), "in the file", "mean mm"), rows, (2,))))
     warn_of(console, doubts_of(fit.motion, target, fit.errors, f"the {what}"))

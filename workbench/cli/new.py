@@ -21,10 +21,10 @@ TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 40  # characters of a name, which folders of results repeat
 
 
-USUAL = "run FILE", "diagnose FILE", "compare FILE", "sample FILE"
+USUAL_COMMANDS = "run FILE", "diagnose FILE", "compare FILE", "sample FILE"
 SCAFFOLDS = {  # what a kind of file holds, and commands that it works with as written
-    "problem": ("blocks, residuals, the names that are free, and a start", USUAL),
-    "residual": ("an error term of points, with a problem to try it on", USUAL),
+    "problem": ("blocks, residuals, the names that are free, and a start", USUAL_COMMANDS),
+    "residual": ("an error term of points, with a problem to try it on", USUAL_COMMANDS),
     "solver": (
         "an algorithm that stops, counts and reports as all solvers do",
         (
@@ -57,7 +57,7 @@ def write_scaffold(kind: str, name: str, folder: str | Path = ".") -> Path:
     template, words = TEMPLATES / f"{kind}.py", {"NAME": name}
     path = Path(folder) / f"{name}.py"
     if kind == "lecture":
-        number = 1 + max(one.number for one in course())
+        number = 1 + max(lecture.number for lecture in course())
         template, path = TEMPLATES / kind, Path(folder) / f"lec{number:02}_{name}"
         words = {
             "lec00_NAME": path.name,
@@ -124,5 +124,5 @@ def new(
     path = write_scaffold(kind, name, folder)
     print_page(console, kind, path)
     for command in SCAFFOLDS[kind][1]:
-        said = f"workbench {command}".replace("FILE", str(path))
-        say(console, f"[dim]try[/] {escape(said)}")
+        line = f"workbench {command}".replace("FILE", str(path))
+        say(console, f"[dim]try[/] {escape(line)}")

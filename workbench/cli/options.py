@@ -14,6 +14,7 @@ from workbench.environment import pip_install
 from workbench.errors import WorkbenchError
 from workbench.training.execution import Executor, Processes, by_backend
 
+BodyName = Annotated[str, typer.Option(help="An embedded body, or a file of your own.")]
 Fit = Annotated[
     Path | None,
     typer.Option("--from", help="Take pose and betas of a fit: its folder, or an .npz."),
@@ -25,22 +26,16 @@ Dask = Annotated[str | None, typer.Option(help="Work on the workers of this Dask
 
 @contextmanager
 def executing(console: Console, workers: int, dask: str | None) -> Iterator[Executor]:
-    """The executor that was asked for: so many processes, or the workers of a Dask cluster."""
+    """An executor of so many processes, or of the Dask cluster whose scheduler has an address.
+
+    Raises WorkbenchError if Dask is not installed, or no scheduler answers.
+    """
     if workers > 1 and dask is not None:
         warn_without_effect(
             console, "--workers", "with --dask, the cluster says how many there are"
         )
-    with cluster(dask):
-        yield Processes(workers) if dask is None else by_backend
-
-
-@contextmanager
-def cluster(address: str | None) -> Iterator[None]:
-    """Inside, joblib sends work to the Dask cluster whose scheduler has this address, if one is
-    given. Raises WorkbenchError if Dask is not installed, or no scheduler answers.
-    """
-    if address is None:
-        yield
+    if dask is None:
+        yield Processes(workers)
         return
     try:
         from distributed import Client
@@ -49,10 +44,10 @@ def cluster(address: str | None) -> Iterator[None]:
             f"--dask needs Dask, which is not installed: {pip_install('dask')}"
         ) from error
     try:
-        client = Client(address, timeout=5)  # type: ignore[no-untyped-call]
+        client = Client(dask, timeout=5)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise WorkbenchError(
-            f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"
+            f"no Dask scheduler answers at {dask}: {error}; start one with `dask scheduler`"
         ) from error
     with client, parallel_config(backend="dask"):
-        yield
+        yield by_backend

@@ -25,16 +25,17 @@ from workbench.cli.console import (
     print_page,
     rich_table,
     say,
+    say_notes,
     warn_of,
     warn_unused,
 )
-from workbench.cli.options import Dask, Workers, executing
+from workbench.cli.options import BodyName, Dask, Workers, executing
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, some_of
 from workbench.fitting.jobs import FailedFile
-from workbench.fitting.scans.files import READERS
+from workbench.fitting.scans.files import SCAN_READERS
 from workbench.geometry.guesses import UNITS
 from workbench.registration import (
     FailedScan,
@@ -52,12 +53,11 @@ from workbench.registration.coregistration import (
     TrianglePlan,
     bent_as,
 )
-from workbench.registration.coregistration.coregistering import EDGES, FILE
+from workbench.registration.coregistration.coregistering import EDGE_SIGMA, FILE
 from workbench.registration.coregistration.folder import open_registered
-from workbench.registration.scan_jobs import MOST
+from workbench.registration.scan_jobs import MOST_POINTS
 from workbench.reports.folder import own_folder
 from workbench.reports.many import ImageFolder, RegistrationFolder
-from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
     begin_folder,
@@ -69,7 +69,7 @@ from workbench.reports.run import measurements_table
 from workbench.training.execution import Execution
 from workbench.training.folder import Row, read_table
 
-NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
+TEXT_SUFFIXES = (".txt", ".csv")  # in a folder these are taken for notes and tables
 
 
 def register(
@@ -77,10 +77,10 @@ def register(
     scans: Annotated[
         list[Path],
         typer.Argument(
-            help=f"Scans of one person each ({', '.join(READERS)}), or folders of scans."
+            help=f"Scans of one person each ({', '.join(SCAN_READERS)}), or folders of scans."
         ),
     ],
-    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
+    body: BodyName = "default",
     unit: Annotated[
         str | None,
         typer.Option(
@@ -91,8 +91,8 @@ def register(
     camera: Annotated[
         str | None,
         typer.Option(
-            help="Place x,y,z from which each scan was taken, in the file's unit and axes, if it "
-            "was one; 0,0,0 for most depth cameras."
+            help="Place x,y,z of the camera, in the file's unit and axes, if each scan was taken "
+            "from one place; 0,0,0 for most depth cameras."
         ),
     ] = None,
     array: Annotated[
@@ -107,7 +107,7 @@ def register(
     ] = None,
     points: Annotated[
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
-    ] = MOST,
+    ] = MOST_POINTS,
     boundary: Annotated[
         float, typer.Option(help="Leave out points within so many m of a scan's boundary.")
     ] = 0.0,
@@ -115,7 +115,8 @@ def register(
         bool, typer.Option("--model-only", help="Fit the body and leave its vertices as they are.")
     ] = False,
     subjects: Annotated[
-        Path | None, typer.Option(help="Table (.csv) of file and subject, maybe gender and set.")
+        Path | None,
+        typer.Option(help="Table (.csv) of file and subject, optionally gender and set."),
     ] = None,
     workers: Workers = 1,
     dask: Dask = None,
@@ -124,7 +125,7 @@ def register(
     """Register scans: fit a body to each from many starts, then free its vertices.
 
     Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply); of several
-    scans, a folder for each, for `workbench train`. After an interrupt the same command goes on.
+    scans, a folder for each, for `workbench train`. After an interrupt the same command continues.
     """
     console = Console()
     if not 0 <= boundary < math.inf:
@@ -140,31 +141,21 @@ def register(
         recipe = replace(recipe, vertex_stages=())
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
-        warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
-        _one(console, template, body, recipe, reading, jobs[0], out)
+        warn_unused(console, ctx, for_several, "it is for several scans")
+        _register_one(console, template, body, recipe, reading, jobs[0], out)
         return
     if skeleton is not None:
         raise BadArgument("--skeleton is of one scan; register the scans one by one with it")
     rows = _rows(jobs, subjects)
     source = scans[0].resolve() if len(scans) == 1 else scans[0].resolve().parent
     folder = RegistrationFolder(
-        out / f"register-{source.name}", template, body, recipe, reading, str(source)
+        out / f"register-{source.name}", template, body, recipe, reading, str(source), rows
     )
     keys = {job: folder.key(job) for job in jobs}
     work = partial(registered, template, recipe, reading)
-
-    def finish(entries: Sequence[Entry], failed: Sequence[FailedScan]) -> Path:
-        return folder.finish(entries, [rows[entry.name] for entry in entries], failed)
-
     with executing(console, workers, dask) as executor:
         do_missing_jobs(
-            console,
-            folder,
-            keys,
-            lambda missing: ([found] for found in executor(work, missing)),
-            finish,
-            "scans",
-            "registered",
+            console, folder, keys, lambda missing: ([result] for result in executor(work, missing))
         )
 
 
@@ -176,7 +167,7 @@ def camera_place(text: str) -> tuple[float, float, float]:
     return numbers[0], numbers[1], numbers[2]
 
 
-def _one(
+def _register_one(
     console: Console,
     body: Body,
     name: str,
@@ -188,50 +179,51 @@ def _one(
     """Register one scan and write its folder."""
     folder = folder_to_write(out, f"register-{job.name}", str(job.path.resolve()))
     with Bars(console) as bars:
-        found = registered(
+        scan_fit = registered(
             body,
             recipe,
             reading,
             job,
             lambda at: bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts),
         )
-    if isinstance(found, FailedScan):
-        raise BadFile(found.reason)
-    for note in found.notes:
-        say(console, f"note: {escape(note)}")
-    warn_of(console, found.registration.doubts)
-    console.print(rich_table(stages_table(found.registration)))
-    if found.registration.measurements:
-        console.print(rich_table(measurements_table(found.registration.measurements)))
+    if isinstance(scan_fit, FailedScan):
+        raise BadFile(scan_fit.reason)
+    say_notes(console, scan_fit.notes)
+    warn_of(console, scan_fit.registration.doubts)
+    console.print(rich_table(stages_table(scan_fit.registration)))
+    if scan_fit.registration.measurements:
+        console.print(rich_table(measurements_table(scan_fit.registration.measurements)))
     source = str(job.path.resolve())
-    print_page(console, "report", write_registration(found, folder, body=name, source=source))
+    print_page(console, "report", write_registration(scan_fit, folder, body=name, source=source))
 
 
-def _files(console: Console, given: list[Path]) -> list[Path]:
+def _files(console: Console, paths: list[Path]) -> list[Path]:
     """The files of scans that were given, those in folders in the order of their names."""
-    found: list[Path] = []
-    for path in given:
+    files: list[Path] = []
+    for path in paths:
         if not path.is_dir():
-            found.append(path)
+            files.append(path)
             continue
-        found += files_inside(console, path, {*READERS} - {*NO_SCANS}, "scans")
-    return list(dict.fromkeys(found))
+        files += files_inside(console, path, {*SCAN_READERS} - {*TEXT_SUFFIXES}, "scans")
+    return list(dict.fromkeys(files))
 
 
 def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
     """The line of each scan in the table of subjects, by the scan's name."""
-    told = {} if subjects is None else {row.file: row for row in read_table(subjects, READERS)}
+    listed = (
+        {} if subjects is None else {row.file: row for row in read_table(subjects, SCAN_READERS)}
+    )
     names = {job.path.name for job in jobs}
-    if unknown := [file for file in told if file not in names]:
+    if unknown := [file for file in listed if file not in names]:
         raise BadFile(f"{subjects} names files that are not among the scans: {some_of(unknown)}")
-    if told and (missing := sorted(names - set(told))):
+    if listed and (missing := sorted(names - set(listed))):
         raise BadFile(f"{subjects} has no line for {some_of(missing)}")
 
     def row(job: ScanJob) -> Row:
-        file, one = f"{job.name}/{ARRAYS}", told.get(job.path.name)
-        if one is None:
+        file, line = f"{job.name}/{ARRAYS}", listed.get(job.path.name)
+        if line is None:
             return Row(file, job.name)
-        return Row(file, one.subject, one.gender, one.set)
+        return Row(file, line.subject, line.gender, line.set)
 
     return {job.name: row(job) for job in jobs}
 
@@ -241,42 +233,39 @@ def do_missing_jobs(
     folder: ImageFolder | RegistrationFolder,
     keys: Mapping[Any, str],
     work: Callable[[Sequence[Any]], Iterable[Sequence[Any]]],
-    finish: Callable[[Sequence[Entry], Sequence[FailedFile]], Path],
-    files: str,
-    done: str,
 ) -> None:
     """Do the jobs that the folder does not hold under their keys, and finish it.
 
-    `work` yields what it found of some jobs at a time, or why a file failed; `finish` writes what
-    is over all and returns the page. In sentences, the `files` are `done`: scans are registered.
-    Exits with 1 if a file failed, and raises Interrupted after Ctrl-C.
+    `work` yields the results of some jobs at a time, or why a file failed. Exits with 1 if a file
+    failed, and raises Interrupted after Ctrl-C.
     """
+    files, done = folder.FILES, folder.DONE  # scans are registered
     kept = {job.name: folder.kept(job, key) for job, key in keys.items()}
     entries = {name: entry for name, entry in kept.items() if entry is not None}
     failed: list[FailedFile] = []
     if entries:
         say(console, f"{len(entries)} of {len(keys)} {files} are {done} already")
 
-    def told() -> str:
+    def interruption() -> str:
         return (
             f"interrupted; {len(entries)} of {len(keys)} {files} are {done} in {folder.place}, and "
             "the same command continues with the others"
         )
 
-    with interrupts_say(told):
+    with interrupts_say(interruption):
         with Bars(console) as bars:
             bars(files, len(entries), len(keys))
             for some in work([job for job in keys if job.name not in entries]):
-                for found in some:
-                    name = found.job.name
-                    if isinstance(found, FailedFile):
-                        failed.append(found)
-                        why = escape(found.reason)
+                for result in some:
+                    name = result.job.name
+                    if isinstance(result, FailedFile):
+                        failed.append(result)
+                        why = escape(result.reason)
                         say(console, f"[bold yellow]not {done}:[/] {escape(name)}: {why}")
                     else:
-                        entries[name] = folder.keep(found, keys[found.job])
+                        entries[name] = folder.keep(result, keys[result.job])
                 bars(files, len(entries) + len(failed), len(keys))
-        page = finish([entries[job.name] for job in keys if job.name in entries], failed)
+        page = folder.finish([entries[job.name] for job in keys if job.name in entries], failed)
     for name, entry in entries.items():
         warn_of(console, entry.facts.get("warnings", ()), f"{name}: ")
     print_page(console, "report", page)
@@ -309,7 +298,7 @@ def coregister(
     ] = None,
     edges: Annotated[
         float, typer.Option(help="Sigma of a template's edges beyond what betas explain, in m.")
-    ] = EDGES,
+    ] = EDGE_SIGMA,
     betas: Annotated[
         int, typer.Option(callback=at_least_one, help="Number of shape directions.")
     ] = 10,
@@ -327,8 +316,8 @@ def coregister(
     for option, length in (("--coupling", coupling), ("--edges", edges)):
         if length is not None and not 0 < length < 1:
             raise BadArgument(f"{option} takes a length in m above 0 and below 1, not {length:g}")
-    given = expanded(folder)
-    body, scans = open_registered(given)
+    folder = expanded(folder)
+    body, scans = open_registered(folder)
     fits = [scans.fitted(j, body) for j in range(len(scans.rows))]
     problem: Coregistration | TriangleCoregistration
     run: Callable[..., Any]
@@ -344,14 +333,14 @@ def coregister(
         sigmas = replace(plan.sigmas, data=coupling or plan.sigmas.data)
         problem = Coregistration(body, scans, replace(plan, sigmas=sigmas))
         run = partial(problem.run, fits)
-    name = given.resolve().name.removeprefix("register-")
-    place, source = out / f"coregister-{name}", str(given.resolve())
+    name = folder.resolve().name.removeprefix("register-")
+    place, source = out / f"coregister-{name}", str(folder.resolve())
     own_folder(place, source)
     begin_folder(place, source)
     if (place / FILE).exists():
         say(console, "continuing after the last block that ended")
 
-    def told() -> str:
+    def interruption() -> str:
         if not (place / FILE).exists():
             return f"interrupted before the first block ended; there is nothing in {place} yet"
         return (
@@ -359,11 +348,11 @@ def coregister(
             "continues from there"
         )
 
-    with interrupts_say(told):
+    with interrupts_say(interruption):
         with executing(console, workers, dask) as executor:
             state = run(folder=place, execution=Execution(executor, Lines(console)))
         page = write_coregistration(body, scans, problem, state, betas, place, source)
-    for scan, told_before in scans.doubts().items():
-        warn_of(console, told_before, f"{scan}, by itself: ")
+    for scan, doubts in scans.doubts().items():
+        warn_of(console, doubts, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")
     print_page(console, "report", page)

@@ -13,14 +13,14 @@ from rich.table import Table as RichTable
 
 from workbench.blocks import Values
 from workbench.cli import Interrupted
-from workbench.cli.console import folder_to_write, print_page, rich_table, warn_of
+from workbench.cli.console import folder_to_write, print_page, rich_table, say_notes, warn_of
 from workbench.comparison.design import named_solvers
 from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.catalogue import SUMMARIES
-from workbench.experiments.experiment import ENOUGH
+from workbench.experiments.experiment import REQUIRED_NAMES
 from workbench.experiments.running import Outcome
 from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Setup
@@ -28,12 +28,12 @@ from workbench.reports import write_report
 from workbench.reports.page import Columns, Table, number
 from workbench.reports.replays import live_server
 from workbench.reports.run import (
-    better_said,
-    interrupted_said,
+    better_sentence,
+    interruption_sentence,
     measurements_table,
-    priors_said,
+    priors_sentence,
     residuals_table,
-    status_said,
+    status_in_words,
 )
 from workbench.solvers import DEFAULT, Iterate, Solution, Solver
 from workbench.solvers.starts import AS_GOOD
@@ -42,7 +42,7 @@ Name = Annotated[
     str,
     typer.Argument(
         help="An experiment, a problem of a suite (`run --list` names them), or a Python file that "
-        f"defines {ENOUGH}."
+        f"defines {REQUIRED_NAMES}."
     ),
 ]
 Setting = Annotated[
@@ -80,13 +80,13 @@ def run(
                 f"no suite is called {name!r}; there are {', '.join(SUITES)}; without a name, "
                 "--list names the experiments"
             )
-        lines = [(one.name, one.summary) for one in SUITES.get(name, EXPERIMENTS.values())]
+        lines = [(entry.name, entry.summary) for entry in SUITES.get(name, EXPERIMENTS.values())]
         if name not in SUITES:
             lines.append(("suites", "run SUITE --list names their problems:"))
             lines += [(s, f"{len(several)} {SUMMARIES[s]}") for s, several in SUITES.items()]
-        width = 2 + max(len(one) for one, _ in lines)
-        for one, text in lines:
-            console.print(f"[bold]{one:{width}}[/]{text}", highlight=False)
+        width = 2 + max(len(entry) for entry, _ in lines)
+        for entry, text in lines:
+            console.print(f"[bold]{entry:{width}}[/]{text}", highlight=False)
         return
     carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out, verbose)
 
@@ -98,10 +98,11 @@ def carry_out(
     compare: bool,
     out: Path,
     verbose: bool = False,
-) -> tuple[Values, Path]:
-    """Run an experiment, print its summary, and write its report: the values, and the folder.
+) -> Values:
+    """Run an experiment, print its summary, and write its report into a folder of its name.
 
-    After an interrupt the report holds what was found until then, and the exit code is 130.
+    Returns the values of all blocks. After an interrupt the report holds the best point until
+    then, and the exit code is 130.
     """
     folder = folder_to_write(out, experiment.name, experiment.source)
     with LiveTrace(console, verbose) as trace:
@@ -117,30 +118,30 @@ def carry_out(
     print_page(console, "report", write_report(outcome, folder))
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
-    return outcome.values, folder
+    return outcome.values
 
 
-def begun(
+def prepare(
     console: Console, name: str, setting: list[str] | None, out: Path, kind: str
 ) -> tuple[Experiment, Setup, Path]:
     """An experiment, its setup, and the folder of what a command of a kind writes about it."""
     experiment = find(name, settings(setting))
     folder = folder_to_write(out, f"{experiment.name}-{kind}", experiment.source)
-    return experiment, built(console, experiment), folder
+    return experiment, build_setup(console, experiment), folder
 
 
-def built(console: Console, experiment: Experiment) -> Setup:
+def build_setup(console: Console, experiment: Experiment) -> Setup:
     """The setup of an experiment; says that it is being built, which may take long."""
     console.print(f"[dim]building {escape(experiment.name)}[/]", highlight=False)
     return experiment.setup()
 
 
-def solved(console: Console, setup: Setup, solver: Solver) -> tuple[Values, tuple[str, ...]]:
+def solve_setup(console: Console, setup: Setup, solver: Solver) -> tuple[Values, tuple[str, ...]]:
     """Solve a setup and say how that ended: the values of all blocks at the end, and doubts."""
     console.print("[dim]solving[/]")
     solution = solver.solve(setup.problem, setup.start)
-    said = f"{solution.status.name}, cost {solution.cost:.6g}"
-    console.print(f"[dim]{said}: {escape(solution.message)}[/]", soft_wrap=True)
+    outcome = f"{solution.status.name}, cost {solution.cost:.6g}"
+    console.print(f"[dim]{outcome}: {escape(solution.message)}[/]", soft_wrap=True)
     values = setup.start | solution.values
     doubted = doubts(setup, values, solution, again=False)
     warn_of(console, doubted)
@@ -151,23 +152,23 @@ def solver_named(name: str) -> Solver:
     """A solver of the catalogue, or that of a Python file. Raises UnknownName or BadFile."""
     first, *others = named_solvers((name,))
     if others:
-        several = joined([first.called, *(one.called for one in others)])
+        several = joined([first.called, *(solver.called for solver in others)])
         raise BadFile(f"{name} defines several solvers: {several}; say `solver = ...` for one")
     return first.solver
 
 
 def settings(texts: list[str] | None) -> dict[str, str]:
     """The values typed after each --set, by name. Raises BadArgument without an equals sign."""
-    found = {}
+    values_by_name = {}
     for text in texts or []:
         name, equals, value = text.partition("=")
         if not equals:
             raise BadArgument(f"--set takes NAME=VALUE, such as frame=60; not {text!r}")
-        found[name] = value
-    return found
+        values_by_name[name] = value
+    return values_by_name
 
 
-ROWS = 12  # of the residuals with the highest cost
+MOST_RESIDUALS = 12  # of the residuals with the highest cost
 
 
 class LiveTrace:
@@ -215,13 +216,12 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         f"{solution.iterations} iterations, {solution.seconds:.2f} s, cost {solution.cost:.6g}: "
         f"{escape(solution.message)}"
     )
-    for said in (better_said(outcome), interrupted_said(outcome)):
-        if said:
-            console.print(f"[bold yellow]{escape(said)}[/]", highlight=False)
+    for sentence in (better_sentence(outcome), interruption_sentence(outcome)):
+        if sentence:
+            console.print(f"[bold yellow]{escape(sentence)}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
-    for note in outcome.setup.notes:
-        console.print(f"note: {escape(note)}", highlight=False)
+    say_notes(console, outcome.setup.notes)
     table = RichTable(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")
@@ -235,33 +235,33 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
     if outcome.measurements:
         console.print(rich_table(measurements_table(outcome.measurements)))
     _print_residuals(console, outcome)
-    console.print(escape(_seen("Jacobian", outcome.diagnosis)))
+    console.print(escape(_rank_line("Jacobian", outcome.diagnosis)))
     if outcome.data_alone is not None:
-        console.print(escape(_seen("without the priors", outcome.data_alone)))
+        console.print(escape(_rank_line("without the priors", outcome.data_alone)))
     if len(outcome.compared) > 1:
         console.print(_comparison(outcome))
 
 
 def _print_residuals(console: Console, outcome: Outcome) -> None:
     """Print the residuals with the highest costs."""
-    found = residuals_table(outcome)
-    rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
-    shown = {row for _, row in rows[:ROWS]}
-    kept = tuple(row for row in found.rows if row in shown)
-    console.print(rich_table(Table(found.head, kept, found.numbers)))
-    if len(rows) > ROWS:
-        console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
-    console.print(escape(priors_said(outcome)), highlight=False)
+    table = residuals_table(outcome)
+    rows = sorted(zip(outcome.costs.values(), table.rows, strict=True), key=lambda row: -row[0])
+    shown = {row for _, row in rows[:MOST_RESIDUALS]}
+    kept = tuple(row for row in table.rows if row in shown)
+    console.print(rich_table(Table(table.head, kept, table.numbers)))
+    if len(rows) > MOST_RESIDUALS:
+        console.print(f"and {len(rows) - MOST_RESIDUALS} residuals with less cost (see the report)")
+    console.print(escape(priors_sentence(outcome)), highlight=False)
 
 
-def _seen(what: str, d: Diagnosis) -> str:
+def _rank_line(what: str, d: Diagnosis) -> str:
     """Size and rank, and the first null and weak directions."""
     m, n = d.shape
-    said = "every direction changes a residual"
+    sentence = "every direction changes a residual"
     if d.null_directions:
-        said = f"{len(d.null_directions)} directions change no residual"
+        sentence = f"{len(d.null_directions)} directions change no residual"
     if d.weak_count:
-        said += (
+        sentence += (
             f"; along {d.weak_count} more, a change by a whole characteristic scale (such as 1 "
             "rad) changes the residuals by less than one sigma"
         )
@@ -269,15 +269,15 @@ def _seen(what: str, d: Diagnosis) -> str:
     named = [x.name.partition(":")[0] for x in directions if x.joints]  # without their entries
     short = list(dict.fromkeys(named))[:3]
     if short:
-        said += f"; among them {', '.join(short)} (see the report)"
-    return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {said}"
+        sentence += f"; among them {', '.join(short)} (see the report)"
+    return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {sentence}"
 
 
 def _comparison(outcome: Outcome) -> RichTable:
     """How each solver ended: what decides comes first, and the page has the rest."""
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
-        "status": lambda of: status_said(outcome, of[0]).upper(),
+        "status": lambda of: status_in_words(outcome, of[0]).upper(),
         "cost": lambda of: number(of[1].cost, 8),
         "seconds": lambda of: f"{of[1].seconds:.2f}",
     }
@@ -299,7 +299,7 @@ def live(
     """Move a body by hand, pick a solver, and watch its iterates come in; until Ctrl-C."""
     console = Console()
     experiment = find(name, settings(setting))
-    setup = built(console, experiment)
+    setup = build_setup(console, experiment)
     try:
         server = live_server(experiment.name, setup, port)
     except OSError as error:

@@ -1,6 +1,7 @@
 """`workbench sample`: draws from a posterior."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,17 +13,18 @@ from rich.markup import escape
 from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
-from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
-from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
+from workbench.cli.console import Bars, print_page, rich_table, say, warn_of
+from workbench.cli.run import Name, Out, Setting, SolverName, prepare, solve_setup, solver_named
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
+from workbench.problem import Problem
 from workbench.reports import write_posterior
+from workbench.reports.folder import make_folder
 from workbench.reports.page import Table
 from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
 from workbench.solvers import DEFAULT
 
-ENDS = (0.05, 0.95)  # of a central interval of 90 %
-NOT_CONVERGED = 1  # the exit code if a block is not usable
+EXIT_NOT_USABLE = 1  # the exit code if a block is not usable
 
 
 def sample(
@@ -55,30 +57,23 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    experiment, setup, folder = begun(console, name, setting, out, "posterior")
-    kept = out / f"{experiment.name}-draws"
-    make_folder(kept)
-    at, _ = solved(console, setup, solver_named(solver))
+    experiment, setup, folder = prepare(console, name, setting, out, "posterior")
+    draws = out / f"{experiment.name}-draws"
+    make_folder(draws)
+    values, _ = solve_setup(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated
-    chosen: dict[str, sampling.Names] = {}
-    for text in block or ():
-        everything = text == "everything"
-        chosen[text] = problem.free.names if everything else _names(text)
-    if not chosen:
-        chosen |= sampling.sampling_blocks(problem.free, problem.trees)
-    file_of = dict(zip(chosen, anchors(chosen), strict=True))
+    blocks = _blocks(problem, block or ())
     parts: list[BlockPosterior] = []
-    interrupted = False
 
-    def left() -> str:
-        if not any(kept.iterdir()):
+    def interruption() -> str:
+        if not any(draws.iterdir()):
             return "interrupted; nothing was written"
-        return f"interrupted; {kept} holds the draws, and the same command continues with them"
+        return f"interrupted; {draws} holds the draws, and the same command continues with them"
 
-    with interrupts_say(left):
-        for part, names in chosen.items():
-            path = kept / f"{file_of[part]}.npz"
+    with interrupts_say(interruption):
+        for (part, names), file in zip(blocks.items(), anchors(blocks), strict=True):
+            path = draws / f"{file}.npz"
             if fresh:
                 path.unlink(missing_ok=True)
             console.print(f"\n[bold]{escape(part)}[/]")
@@ -90,7 +85,7 @@ def sample(
 
                 posterior = sampling.sample(
                     problem,
-                    at,
+                    values,
                     names,
                     rest=rest,
                     walkers=walkers,
@@ -101,12 +96,11 @@ def sample(
                     callback=tell,
                 )
             approximation = sampling.laplace(
-                problem, at, names, rest=rest, seed=seed, against=posterior
+                problem, values, names, rest=rest, seed=seed, against=posterior
             )
             parts.append(BlockPosterior(part, posterior, approximation))
             say(console, escape(posterior.judgement[0].value))
             if posterior.interrupted:
-                interrupted = True
                 break
         console.print()
         warn_of(console, contradictions(setup, [part.posterior for part in parts]))
@@ -117,20 +111,31 @@ def sample(
             parts, folder, title=experiment.name, setup=setup, source=experiment.source
         )
         print_page(console, "report", page)
-    if interrupted and parts[-1].posterior.unsaved:
+    last = parts[-1].posterior
+    if last.interrupted and last.unsaved:
         raise Interrupted(
             f"interrupted; these draws are on the page, but could not be saved to continue from: "
-            f"{parts[-1].posterior.unsaved}"
+            f"{last.unsaved}"
         )
-    if interrupted:
-        raise Interrupted(f"interrupted; the same command continues with what {kept} holds")
+    if last.interrupted:
+        raise Interrupted(f"interrupted; the same command continues with what {draws} holds")
     if not all(part.posterior.usable for part in parts):
-        raise typer.Exit(NOT_CONVERGED)
+        raise typer.Exit(EXIT_NOT_USABLE)
 
 
-def _names(text: str) -> tuple[str, ...]:
-    """`betas,pose[left_elbow, x]` at the commas that are in no brackets."""
-    return tuple(part.strip() for part in re.split(r",(?![^\[]*\])", text) if part.strip())
+def _blocks(problem: Problem, texts: Sequence[str]) -> dict[str, sampling.Names]:
+    """The entries to sample together, by the texts that name them; without texts, the usual ones.
+
+    `betas,pose[left_elbow, x]` is split at the commas that are in no brackets.
+    """
+    if not texts:
+        return dict(sampling.sampling_blocks(problem.free, problem.trees))
+    blocks: dict[str, sampling.Names] = {}
+    for text in texts:
+        parts = [part.strip() for part in re.split(r",(?![^\[]*\])", text)]
+        everything = text == "everything"
+        blocks[text] = problem.free.names if everything else tuple(filter(None, parts))
+    return blocks
 
 
 def _print_measurements(
@@ -143,11 +148,11 @@ def _print_measurements(
     betas = free.labels_of(entries(free, body.blocks()[1].name))
     for posterior in posteriors:
         if posterior.usable and set(betas) <= set(posterior.labels):
-            found = measured_in(posterior, body)
-            rows = tuple(
-                (name, f"{np.median(m):.3f}", "{:.3f} to {:.3f}".format(*np.quantile(m, ENDS)))
-                for name, m in found.items()
-            )
+            measurements = measured_in(posterior, body)
+            rows = []
+            for name, metres in measurements.items():
+                low, median, high = np.quantile(metres, (0.05, 0.5, 0.95))
+                rows.append((name, f"{median:.3f}", f"{low:.3f} to {high:.3f}"))
             console.print("\n[bold]measurements[/]")
-            console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), rows)))
+            console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), tuple(rows))))
             return

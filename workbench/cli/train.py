@@ -2,24 +2,25 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
-from rich.markup import escape
 
+from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
 from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
     above_zero,
     at_least_one,
-    make_folder,
     print_page,
     rich_table,
     say,
+    say_notes,
     warn_unused,
 )
 from workbench.cli.options import Workers
@@ -28,6 +29,7 @@ from workbench.errors import BadArgument, BadFile, check_known
 from workbench.motions import save_motion
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
+from workbench.reports.folder import make_folder
 from workbench.reports.page import Table
 from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
@@ -36,16 +38,21 @@ from workbench.training.checkpoint import FILE as CHECKPOINT
 from workbench.training.evaluation import CARD, check_held_out, held_out_errors, shapes_explained
 from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, read_start
-from workbench.training.folder import GENDERS, open_folder, read_meshes
+from workbench.training.folder import GENDERS, FolderRegistrations, open_folder, read_meshes
 from workbench.training.registrations import Registrations
 from workbench.training.rigging.joints import in_words
 from workbench.training.rigging.rig import Rigged, pose_rms
 from workbench.training.rigging.rig import rig as find_rig
-from workbench.training.rigging.steps import RigProgress, RigSteps, silent
+from workbench.training.rigging.steps import RigSteps, silent
 from workbench.training.training import train as train_body
 
-START = "start.npz"
-EVERY = 5.0  # s
+START_FILE = "start.npz"
+LINE_SECONDS = 5.0  # between two lines on parts of a block
+UNUSED_BY_TUBES = {  # options that change nothing where synthetic tubes are trained from, and why
+    "--start": "the synthetic tube has its own template",
+    "--gender": "the synthetic tubes have no gender",
+    "--reach": "every joint of the synthetic tube changes its whole surface",
+}
 
 
 def train(
@@ -62,7 +69,7 @@ def train(
         typer.Option(
             help="The template, its tree of joints and its division into segments: an embedded "
             "body, a body's file, or an .npz; "
-            f"{START} in the folder if there is one, else default."
+            f"{START_FILE} in the folder if there is one, else default."
         ),
     ] = None,
     gender: Annotated[
@@ -96,35 +103,20 @@ def train(
     if gender is not None:
         check_known("gender", gender, GENDERS)
     if folder is None:
-        unused = {
-            "--start": "the synthetic tube has its own template",
-            "--gender": "the synthetic tubes have no gender",
-            "--reach": "every joint of the synthetic tube changes its whole surface",
-        }
-        for option, because in unused.items():
+        for option, because in UNUSED_BY_TUBES.items():
             warn_unused(console, ctx, [option], because)
         gender = None
     name, guess, poses, shapes = _data(console, folder, start, gender)
-    people = None
-    if held_out is not None:
-        unknown = open_folder(held_out, len(guess.template), guess.faces)
-        people, standing = unknown.only("poses"), unknown.only("shapes")
-        if not people.rows:
-            raise BadArgument(
-                f"{held_out} has no registrations of the set 'poses', on which a body is measured; "
-                "give a folder that has some, or leave --held-out out"
-            )
-        check_held_out(people, len(guess.template))
+    others = None if held_out is None else _held_out(held_out, guess)
     plan = without_blend_shapes(rounds=rounds)
     if blend_shapes:
         plan = alternation(rounds=rounds, reach=None if folder is None else reach)
     else:
         warn_unused(console, ctx, ["--reach"], "there are no blend shapes to reach anywhere")
-    make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
     make_folder(place)
 
-    def told() -> str:
+    def interruption() -> str:
         if not any(place.rglob(CHECKPOINT)):
             return f"interrupted; there is no checkpoint in {place}, so no result was kept"
         return (
@@ -132,7 +124,7 @@ def train(
             "command continues from there"
         )
 
-    with interrupts_say(told):
+    with interrupts_say(interruption):
         trained = train_body(
             poses,
             guess,
@@ -145,16 +137,12 @@ def train(
             executor=Processes(jobs),
         )
         body = trained.body
-        if people is not None and held_out is not None:
+        if others is not None:
             console.print("[dim]fitting the held-out people[/]")
-            execution = Execution(Processes(jobs))
-            with limited_threads():
-                errors = held_out_errors(body, people, execution)
-                if standing.rows:
-                    errors |= shapes_explained(body, standing, execution)
+            errors = _errors(body, others, Execution(Processes(jobs)))
             body = replace(body, card={**body.card, "held_out": errors})
-            for said, number in errors.items():
-                console.print(f"  {said}: {number:g}")
+            for what, number in errors.items():
+                console.print(f"  {what}: {number:g}")
         save_body(body, place / "body.npz")
         page = write_card(body, place / "card", str((place / "body.npz").resolve()))
     print_page(console, "body", place / "body.npz")
@@ -171,7 +159,7 @@ def _data(
             "noise; nothing here was measured"
         )
         return "made-up", *noisy_tubes(noise=0.001), None
-    own = folder / START
+    own = folder / START_FILE
     guess = read_start(start or (own if own.is_file() else "default"))
     console.print("[dim]reading every registration[/]")
     every = open_folder(folder, len(guess.template), guess.faces)
@@ -189,27 +177,50 @@ def _data(
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
 
 
+def _held_out(folder: Path, guess: Start) -> FolderRegistrations:
+    """The registrations of other people, on whom the body is measured. Raises BadArgument."""
+    every = open_folder(folder, len(guess.template), guess.faces)
+    poses = every.only("poses")
+    if not poses.rows:
+        raise BadArgument(
+            f"{folder} has no registrations of the set 'poses', on which a body is measured; give "
+            "a folder that has some, or leave --held-out out"
+        )
+    check_held_out(poses, len(guess.template))
+    return every
+
+
+def _errors(
+    body: SkinnedBody, others: FolderRegistrations, execution: Execution
+) -> dict[str, float]:
+    """The errors of the body on other people: in poses, and, where there are some, at rest."""
+    shapes = others.only("shapes")
+    with limited_threads():
+        errors = held_out_errors(body, others.only("poses"), execution)
+        return errors | (shapes_explained(body, shapes, execution) if shapes.rows else {})
+
+
 def _origin(folder: Path | None) -> dict[str, Any]:
     """What is known about where the registrations come from."""
     if folder is None:
         return {
             "provenance": ["Synthetic: random arrays on a tube with bones. Nothing was measured."]
         }
-    made = folder / CARD
-    if not made.is_file():
+    card = folder / CARD
+    if not card.is_file():
         return {"provenance": [f"Trained on the registrations in {folder.name}."]}
     try:
-        told = json_in(made)
+        data = json_in(card)
     except BadFile as error:
         raise BadFile(f"{error}; remove it or correct it") from error
-    return {"provenance": ["Synthetic: see registrations."], "registrations": told}
+    return {"provenance": ["Synthetic: see registrations."], "registrations": data}
 
 
 class Lines(Report):
     """A line for each block, and further lines within blocks that take long."""
 
     def __init__(self, console: Console) -> None:
-        self._console, self._told = console, time.monotonic()
+        self._console, self._printed = console, time.monotonic()
 
     def block(self, progress: Progress) -> None:
         """The cost before and after a block, and its terms."""
@@ -224,11 +235,11 @@ class Lines(Report):
 
     def part(self, doing: str, done: int, of: int) -> None:
         """How much of a block is done, every few seconds."""
-        if time.monotonic() - self._told > EVERY:
+        if time.monotonic() - self._printed > LINE_SECONDS:
             self._print(f"        {doing}: {done} of {of}")
 
     def _print(self, line: str) -> None:
-        self._told = time.monotonic()
+        self._printed = time.monotonic()
         self._console.print(line, highlight=False, soft_wrap=True)
 
 
@@ -295,22 +306,14 @@ def rig(
     card = {"provenance": [f"Rigged from the meshes in {', '.join(p.name for p in meshes[:3])}."]}
     bars, steps = Bars(console), RigSteps(out.with_suffix(".checkpoint.npz"))
 
-    def rigged(steps: RigSteps, report: RigProgress) -> Rigged:
-        return find_rig(
-            every[rows],
-            faces,
-            rest=first,
-            bones=bones,
-            tolerance=tolerance,
-            report=report,
-            steps=steps,
-            card=card,
-        )
+    rigged = partial(
+        find_rig, every[rows], faces, rest=first, bones=bones, tolerance=tolerance, card=card
+    )
 
-    def told() -> str:
+    def interruption() -> str:
         if not steps.arrays:
             return f"interrupted at {bars.last}; nothing was written"
-        so_far = rigged(steps.so_far(), silent)
+        so_far = rigged(steps=steps.so_far(), report=silent)
         save_body(so_far.body, out)
         return (
             f"interrupted at {bars.last}; {out} is the body so far, with {so_far.body.n_joints} "
@@ -318,28 +321,27 @@ def rig(
             f"continues from {steps.path}"
         )
 
-    with interrupts_say(told), bars:
-        found = rigged(steps, bars)
-    save_body(found.body, out)
+    with interrupts_say(interruption), bars:
+        result = rigged(steps=steps, report=bars)
+    save_body(result.body, out)
     steps.remove()
     if motion is not None:
         step = (rows[-1] - rows[0]) / (len(rows) - 1)  # meshes between two that were learned from
-        save_motion(motion, found.motion(fps / float(step)))
-    console.print(rich_table(_joints(found)))
-    say(console, f"{found.body.n_joints} bones; {1e3 * found.rms:.3g} mm from the meshes (rms)")
+        save_motion(motion, result.motion(fps / float(step)))
+    console.print(rich_table(_joints(result)))
+    say(console, f"{result.body.n_joints} bones; {1e3 * result.rms:.3g} mm from the meshes (rms)")
     if len(others):
-        rms = pose_rms(found.body, every[others])
+        rms = pose_rms(result.body, every[others])
         say(console, f"{1e3 * rms:.3g} mm from {len(others)} meshes that were held out (rms)")
-    for note in found.notes:
-        say(console, f"note: {escape(note)}")
+    say_notes(console, result.notes)
     print_page(console, "body", out)
     if motion is not None:
         print_page(console, "motion", motion)
 
 
-def _joints(found: Rigged) -> Table:
+def _joints(rigged: Rigged) -> Table:
     """A line for each joint: its place, how well it is determined, and along what it may slide."""
-    names = found.body.joint_names
+    names = rigged.body.joint_names
     rows = tuple(
         (
             names[joint.bones[1]],
@@ -348,7 +350,7 @@ def _joints(found: Rigged) -> Table:
             " ".join(f"{10 * parted:.2g}" for parted in joint.parting[::-1]),
             " and ".join(in_words(direction) for direction in joint.free) or "-",
         )
-        for joint in found.joints
+        for joint in rigged.joints
     )
-    head = ("joint of", "with", "at rest, m", "1 cm off parts them, mm", "may slide along")
+    head = ("joint of", "with", "at rest, m", "gap if 1 cm off, mm", "may slide along")
     return Table(head, rows, ())

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterable
 
-from workbench.comparison.comparison import MAIN, Comparison, by_effort
-from workbench.comparison.record import KINDS, LIMITED
+from workbench.comparison.comparison import MAIN_TAU, Comparison, by_effort
+from workbench.comparison.record import KINDS, LIMITED_KINDS
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import (
     PRICES,
-    SOURCE,
+    PRICES_SOURCE,
     TargetOutcome,
     ended_by_clock,
     tau_text,
@@ -21,7 +21,7 @@ def percent(interval: Interval) -> str:
     """`90% (60–98)`, and `90%` where there is no interval."""
     if math.isnan(interval.value):
         return "–"
-    if not interval.given:
+    if not interval.bounded:
         return f"{interval.value:.0%}"
     return f"{interval.value:.0%} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
@@ -29,9 +29,8 @@ def percent(interval: Interval) -> str:
 def reliable(comparison: Comparison, problems: Iterable[str]) -> tuple[str, ...]:
     """The solvers that returned an answer within the target from every start of these problems."""
     starts = [i.name for p in problems for i in comparison.starts(p)]
-    return tuple(
-        s for s in comparison.solvers if all(comparison.returned_within(i, s, MAIN) for i in starts)
-    )
+    met = comparison.returned_within
+    return tuple(s for s in comparison.solvers if all(met(i, s, MAIN_TAU) for i in starts))
 
 
 def advice(comparison: Comparison) -> tuple[str, ...]:
@@ -64,12 +63,12 @@ def _failures(comparison: Comparison, solver: str) -> str:
 
 
 def _nothing_to_compare(comparison: Comparison) -> list[str]:
-    left = len(comparison.instances) - len(comparison.comparable)
-    if not left:
+    left_out = len(comparison.instances) - len(comparison.comparable)
+    if not left_out:
         return []
     why = "only one run ended and no known cost shows whether its cost is low"
     if comparison.comparable:
-        return [f"{left} of {len(comparison.instances)} starts are left out: {why}."]
+        return [f"{left_out} of {len(comparison.instances)} starts are left out: {why}."]
     return [
         f"There is nothing to compare: of each problem {why}. Compare several solvers or several "
         "starts, or give the experiment its known cost."
@@ -80,13 +79,13 @@ def _met(comparison: Comparison, everywhere: tuple[str, ...]) -> str:
     """Which solvers met the target from every start, and from how many the others did."""
     count, several = len(comparison.comparable), len(comparison.compared) > 1
     starts = f"all {count} starts" if count > 1 else "the one start"
-    what = f"returned a point within the target τ = {tau_text(MAIN)} from {starts}"
+    what = f"returned a point within the target τ = {tau_text(MAIN_TAU)} from {starts}"
     if not everywhere:
         problems = " for all of these problems" if several else ""
         return f"No solver {what}, so none is advised{problems}."
     text = f"{joined(everywhere)}{' each' if len(everywhere) > 1 else ''} {what}."
     others = {
-        s: sum(comparison.returned_within(i.name, s, MAIN) for i in comparison.comparable)
+        s: sum(comparison.returned_within(i.name, s, MAIN_TAU) for i in comparison.comparable)
         for s in comparison.solvers
         if s not in everywhere
     }
@@ -98,22 +97,22 @@ def _met(comparison: Comparison, everywhere: tuple[str, ...]) -> str:
 
 def _cheapest(comparison: Comparison, sound: tuple[str, ...]) -> list[str]:
     """Which solver that always met the target needed the least effort, and how sure that is."""
-    known = comparison.all_counted(MAIN)
-    ranked = {s: comparison.effort(s, MAIN).value for s in sound if s in known}
+    known = comparison.all_counted(MAIN_TAU)
+    ranked = {s: comparison.effort(s, MAIN_TAU).value for s in sound if s in known}
     if len(ranked) < 2:
         return []
     pairs = by_effort(comparison)
     test = f"sign test over {counted(len(comparison.compared), 'problem')}: p"
     level = f"corrected for all pairs; level {LEVEL:.0%}"
-    for one in ranked:
-        others = tuple(s for s in ranked if s != one)
-        if all(pairs[one, s].won for s in others):
-            worst = max(pairs[one, s].corrected for s in others)
+    for solver in ranked:
+        others = tuple(s for s in ranked if s != solver)
+        if all(pairs[solver, s].won for s in others):
+            worst = max(pairs[solver, s].corrected for s in others)
             return [
-                f"Of these, take {one}: it needed less effort than {joined(others)} on more "
+                f"Of these, take {solver}: it needed less effort than {joined(others)} on more "
                 f"problems than chance would explain ({test} = {worst:.2g}"
                 f"{' or less' if len(others) > 1 else ''}, {level}). "
-                f"Its median effort is {_worth(ranked[one])}."
+                f"Its median effort is {_worth(ranked[solver])}."
             ]
     least = min(ranked.values())
     first = tuple(s for s, effort in ranked.items() if effort == least)
@@ -162,29 +161,29 @@ def _clock(comparison: Comparison) -> list[str]:
 
 def prices_sentence() -> str:
     """At which prices effort is counted."""
-    priced = ", ".join(f"{PRICES[k].name} {PRICES[k].formula}" for k in KINDS[: LIMITED + 1])
+    priced = ", ".join(f"{PRICES[k].name} {PRICES[k].formula}" for k in KINDS[: LIMITED_KINDS + 1])
     return (
         "Effort is the number of evaluations until the target is met, each kind times a fixed "
         f"price in units of one evaluation of the residual: {priced}, for n free numbers "
-        f"(a gradient as {SOURCE}, bound it, a Jacobian as differences would give it, constraints "
-        "by convention). It does not depend on any clock."
+        f"(a gradient as {PRICES_SOURCE}, bound it, a Jacobian as differences would give it, "
+        "constraints by convention). It does not depend on any clock."
     )
 
 
 def basin_sentence(comparison: Comparison, problem: str) -> str:
     """How many basins the ends of a problem fall into, and how many runs ended in the lowest."""
-    found = {i.name: comparison.end_analysis(i.name) for i in comparison.instances_of(problem)}
-    basins = [b for (i, _), b in comparison.basins.items() if i in found]
-    several = max((len(analysis.costs) for analysis in found.values()), default=0)
+    analyses = {i.name: comparison.end_analysis(i.name) for i in comparison.instances_of(problem)}
+    basins = [b for (i, _), b in comparison.basins.items() if i in analyses]
+    several = max((len(analysis.costs) for analysis in analyses.values()), default=0)
     if not basins:
         return f"{problem}: no run ended at a point of finite cost."
     if len(basins) == 1:
         return f"{problem}: only one run ended, so that no other basin is known."
-    own = len({id(analysis) for analysis in found.values()}) > 1  # data for each start
+    per_start = len({id(analysis) for analysis in analyses.values()}) > 1  # data for each start
     if several == 1:
-        each = "on each data set " if own else ""
+        each = "on each data set " if per_start else ""
         return f"{problem}: {each}all {len(basins)} ends lead to one basin."
     return (
-        f"{problem}: the ends lead to {'up to ' if own else ''}{several} basins; "
+        f"{problem}: the ends lead to {'up to ' if per_start else ''}{several} basins; "
         f"{basins.count(0)} of {len(basins)} ends lead to the lowest."
     )

@@ -82,15 +82,15 @@ class _Dispatcher:
         """The results by key, and what failed. A job whose result is stored is not sent."""
         from joblib import Parallel, delayed  # which workers, that import this, do not need
 
-        every = list(jobs)
+        all_jobs = list(jobs)
         results: dict[str, T] = {}
-        for job in every:
+        for job in all_jobs:
             stored = self._store.get(job.key, of)
             if stored is not None:
                 results[job.key] = stored
         failed: dict[str, JobFailed] = {}
-        missing = [job for job in every if job.key not in results]
-        self._progress(what, len(results), len(every))
+        missing = [job for job in all_jobs if job.key not in results]
+        self._progress(what, len(results), len(all_jobs))
         parallel = Parallel(
             n_jobs=self._workers, prefer="threads", return_as="generator_unordered", batch_size=1
         )
@@ -100,7 +100,7 @@ class _Dispatcher:
             else:
                 self._keep(partial(self._store.put, key, answer))
                 results[key] = of(answer)
-            self._progress(what, len(results) + len(failed), len(every))
+            self._progress(what, len(results) + len(failed), len(all_jobs))
         return results, failed
 
 

@@ -14,7 +14,7 @@ from workbench.comparison.ends import EndAnalysis
 from workbench.comparison.record import KINDS, Description, Record, RunEnding, ended
 from workbench.comparison.statistics import PairedTest, holm_corrected, paired_test
 from workbench.comparison.targets import (
-    NEARLY,
+    AT_LOWEST,
     TAUS,
     ReferenceCosts,
     TargetOutcome,
@@ -30,7 +30,7 @@ NO_ANSWER = (  # however near the lowest cost these ends are
     TargetOutcome.ALONE,
 )
 Pairs = dict[tuple[str, str], PairedTest]  # by two names, both ways round
-MAIN = 1e-5  # the target by which solvers are told apart where one number has to do
+MAIN_TAU = 1e-5  # the target by which solvers are told apart where one number has to do
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,28 +95,29 @@ class Comparison:
     @cached_property
     def references(self) -> dict[str, ReferenceCosts]:
         """The cost at the start and the lowest cost known, by instance."""
-        found = {}
+        references = {}
         for group, end_analysis in zip(self.groups, self.end_analyses, strict=True):
             runs = [self.records[name, s] for name in group for s in self.solvers]
-            known = [self.described[name].known_cost for name in group]
+            known_costs = [self.described[name].known_cost for name in group]
             costs = [self.records[key].cost for key in ended(group, self.solvers, self.records)]
             candidates = {
                 "the lowest end, polished": min((*end_analysis.costs, *costs), default=np.inf),
                 "the lowest point that a run visited": min(r.lowest for r in runs),
-                self.described[group[0]].known_source: float(np.nanmin([np.inf, *known])),
+                self.described[group[0]].known_source: float(np.nanmin([np.inf, *known_costs])),
             }
             origin = min(candidates, key=lambda name: candidates[name])
             best = candidates[origin]
-            others = sum(r.lowest <= min(costs, default=np.inf) for r in runs)  # or that run itself
-            alone = len(costs) == 1 and others <= 1 and not np.isfinite(known).any()
+            end = min(costs, default=np.inf)
+            reached_it = sum(r.lowest <= end for r in runs)  # the run that ended there among them
+            is_alone = len(costs) == 1 and reached_it <= 1 and not np.isfinite(known_costs).any()
             for name in group:
-                found[name] = ReferenceCosts(
+                references[name] = ReferenceCosts(
                     self.described[name].start_cost,
                     best if np.isfinite(best) else np.nan,
-                    "the only end: nothing to compare it with" if alone else origin,
-                    alone,
+                    "the only end: nothing to compare it with" if is_alone else origin,
+                    is_alone,
                 )
-        return found
+        return references
 
     @cached_property
     def comparable(self) -> tuple[Instance, ...]:
@@ -147,17 +148,17 @@ class Comparison:
     @cached_property
     def outcomes(self) -> dict[tuple[str, str], TargetOutcome]:
         """The target outcome of each run, by instance and solver."""
-        found = {}
+        outcomes = {}
         for (instance, solver), record in self.records.items():
             reference, basin = self.references[instance], self.basins.get((instance, solver))
             lowest, at_saddle = None, False
             if basin is not None:
                 ends = self.end_analysis(instance)
                 lowest, at_saddle = reference.is_lowest(ends.costs[basin]), ends.at_saddle(basin)
-            found[instance, solver] = target_outcome(
+            outcomes[instance, solver] = target_outcome(
                 record, reference, lowest, self.design.budget.stationary, at_saddle
             )
-        return found
+        return outcomes
 
     # What it took.
 
@@ -177,7 +178,7 @@ class Comparison:
         fine = self.outcomes[instance, solver] not in NO_ANSWER
         return record.ending is RunEnding.RETURNED and meets and fine
 
-    def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:
+    def uncounted(self, instance: str, solver: str, tau: float = MAIN_TAU) -> bool:
         """Whether it is not known what a run needed to meet a target: it evaluated the graph in its
         own code, or ended at a point that meets it without asking the problem about such a point.
         """
@@ -224,7 +225,7 @@ class Comparison:
         rows, lowest = record.observed.trace, record.lowest
         end = record.cost if record.at_end else np.inf
         whole = max(reference.start - reference.best, 0.0)
-        hidden = record.observed.taken or lowest - end > NEARLY * whole
+        hidden = record.observed.taken or lowest - end > AT_LOWEST * whole
         if np.isinf(min(lowest, end)):
             return np.zeros((0, 3))
         last = (*record.observed.counts, record.observed.seconds, end if hidden else lowest)
@@ -242,8 +243,8 @@ class Comparison:
         Several starts of several problems are not independent of each other, and then the share
         has no interval; `solved_problems` has one.
         """
-        chosen = self.starts(problem)
-        return self._share(sum(self.solved(i.name, solver, tau) for i in chosen), chosen)
+        starts = self.starts(problem)
+        return self._share(sum(self.solved(i.name, solver, tau) for i in starts), starts)
 
     def solved_problems(self, solver: str, tau: float) -> statistics.Interval:
         """The share of problems of which it met a target from every comparable start."""
@@ -260,18 +261,18 @@ class Comparison:
         """
         column = self.needed(tau)[:, self.solvers.index(solver)]
         if problem is not None:
-            of = [p for p, i in enumerate(self.comparable) if i.problem == problem]
-            return statistics.median(column[of])
+            rows = [p for p, i in enumerate(self.comparable) if i.problem == problem]
+            return statistics.median(column[rows])
         if len(self.compared) == 1:
             return statistics.median(column)
         return statistics.median([self.effort(solver, tau, p).value for p in self.compared])
 
     @staticmethod
-    def _share(successes: int, chosen: tuple[Instance, ...]) -> statistics.Interval:
+    def _share(successes: int, instances: tuple[Instance, ...]) -> statistics.Interval:
         """A share of instances; its interval only where they are independent of each other."""
-        share = statistics.rate(successes, len(chosen))
-        problems = {i.problem for i in chosen}
-        independent = len(problems) in (1, len(chosen))
+        share = statistics.rate(successes, len(instances))
+        problems = {i.problem for i in instances}
+        independent = len(problems) in (1, len(instances))
         return share if independent else statistics.Interval(share.value)
 
     def outcome_counts(self, solver: str) -> Counter[TargetOutcome]:
@@ -284,12 +285,12 @@ class Comparison:
         return self._share(outcomes.count(TargetOutcome.REACHED), self.comparable)
 
 
-def by_effort(comparison: Comparison, tau: float = MAIN) -> Pairs:
+def by_effort(comparison: Comparison, tau: float = MAIN_TAU) -> Pairs:
     """All pairs of solvers by effort until a target; the tests are corrected for their number."""
     problems, names = [i.problem for i in comparison.comparable], comparison.solvers
     amounts, pairs = comparison.needed(tau), list(combinations(range(len(names)), 2))
     tests = [paired_test(amounts[:, i], amounts[:, j], problems) for i, j in pairs]
-    both: Pairs = {}
-    for (i, j), one in zip(pairs, holm_corrected(tests), strict=True):
-        both[names[i], names[j]], both[names[j], names[i]] = one, one.turned
-    return both
+    both_ways: Pairs = {}
+    for (i, j), test in zip(pairs, holm_corrected(tests), strict=True):
+        both_ways[names[i], names[j]], both_ways[names[j], names[i]] = test, test.turned
+    return both_ways

@@ -4,7 +4,6 @@ import pickle
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
-from inspect import Parameter
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -25,7 +24,7 @@ NUMBERING = ("start", "seed")  # arguments that number starts or data, the first
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of one run; `given` hands them to a solver, and the metered problem enforces them.
+    """Limits of one run. `applied_to` gives them to a solver; the metered problem enforces them.
 
     `gradient_tolerance` is far below what the judgement asks for, so that nobody's stopping rule
     decides; whether a point is stationary is judged at `stationary` (both are values of
@@ -55,12 +54,12 @@ class Budget:
             if not value > 0:
                 raise BadArgument(f"{field.name} of a budget must be above 0, not {value!r}")
 
-    def given(self, solver: Solver, repetition: int = 0) -> Solver:
+    def applied_to(self, solver: Solver, repetition: int = 0) -> Solver:
         """The solver with these limits, as far as it has options of the workbench's names for them.
 
         If it has a seed, this is the number of the repetition.
         """
-        wanted = {
+        all_limits = {
             "max_evaluations": self.max_evaluations,
             "max_iterations": self.max_evaluations,  # a step takes an evaluation at least
             "max_seconds": self.max_seconds,
@@ -69,7 +68,7 @@ class Budget:
         }
         options: Any = solver
         known = {f.name for f in fields(options) if f.init} if is_dataclass(options) else set()
-        limits = {name: limit for name, limit in wanted.items() if name in known}
+        limits = {name: limit for name, limit in all_limits.items() if name in known}
         return replace(options, **limits) if limits else solver
 
 
@@ -166,11 +165,11 @@ def design(experiments: Experiments, solvers: Solvers, seeds: int, budget: Budge
     chosen_solvers = named_solvers(solvers)
     if seeds < 1:
         raise BadArgument(f"seeds is how many starts there are, 1 or more; not {seeds}")
-    several = [experiments] if isinstance(experiments, (str, Experiment)) else experiments
+    items = [experiments] if isinstance(experiments, (str, Experiment)) else experiments
     members = [
         experiment
-        for one in several
-        for experiment in ((one,) if isinstance(one, Experiment) else _of_name(one))
+        for item in items
+        for experiment in ((item,) if isinstance(item, Experiment) else _experiments_of(item))
     ]
     if not members:
         raise BadArgument("no experiment to compare solvers on; give one or more")
@@ -182,9 +181,9 @@ def design(experiments: Experiments, solvers: Solvers, seeds: int, budget: Budge
             label += " (" + ", ".join(f"{k}={v}" for k, v in experiment.arguments.items()) + ")"
         instances += _repeated(label, experiment, seeds)
     labels = [i.name for i in instances]
-    twice = [label for label in labels if labels.count(label) > 1]
-    if twice:
-        raise BadArgument(f"{twice[0]} is there twice; give each experiment once")
+    repeated = [label for label in labels if labels.count(label) > 1]
+    if repeated:
+        raise BadArgument(f"{repeated[0]} is there twice; give each experiment once")
     return Design(tuple(instances), chosen_solvers, budget, seeds)
 
 
@@ -193,7 +192,7 @@ def chosen(names: Iterable[str], arguments: Mapping[str, Any]) -> tuple[Experime
     arguments that it has. Raises UnknownName for a name or an argument that nobody has.
     """
     members, known = [], set[str]()
-    for experiment in (one for name in names for one in _of_name(name)):
+    for experiment in (e for name in names for e in _experiments_of(name)):
         has = parameters(experiment.build)
         known |= has.keys()
         changed = {
@@ -208,7 +207,7 @@ def chosen(names: Iterable[str], arguments: Mapping[str, Any]) -> tuple[Experime
     return tuple(members)
 
 
-def _of_name(name: str) -> tuple[Experiment, ...]:
+def _experiments_of(name: str) -> tuple[Experiment, ...]:
     return SUITES[name] if name in SUITES else (find(name),)
 
 
@@ -223,19 +222,21 @@ def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
         replace(experiment, arguments={**experiment.arguments, name: first + k})
         for k in range(seeds)
     ]
-    return [Instance(label, one, name, first + k, k) for k, one in enumerate(each)]
+    return [Instance(label, member, name, first + k, k) for k, member in enumerate(each)]
 
 
 def numbering(experiment: Experiment) -> str:
-    """The argument that numbers an experiment's starts; "" if none does, or it is given already."""
-    known = parameters(experiment.build)
-    free = (n for n in NUMBERING if n in known and n not in experiment.arguments)
-    return next((name for name in free if _counts(known[name])), "")
+    """The argument that numbers an experiment's starts; "" if none does, or it has a value.
 
-
-def _counts(parameter: Parameter) -> bool:
-    """Whether an argument is a whole number: `start="procrustes"` is another thing."""
-    return isinstance(parameter.default, int) or parameter.annotation is int
+    It is a whole number: `start="procrustes"` is another thing.
+    """
+    for name in NUMBERING:
+        parameter = parameters(experiment.build).get(name)
+        if parameter is None or name in experiment.arguments:
+            continue
+        if isinstance(parameter.default, int) or parameter.annotation is int:
+            return name
+    return ""
 
 
 def named_solvers(solvers: Solvers) -> tuple[NamedSolver, ...]:
@@ -249,7 +250,7 @@ def named_solvers(solvers: Solvers) -> tuple[NamedSolver, ...]:
     else:
         single = isinstance(solvers, str) or hasattr(solvers, "solve")
         several: Iterable[Any] = (solvers,) if single else solvers  # type: ignore[assignment]
-        named = [entrant for one in several for entrant in _entrants(one)]
+        named = [entrant for item in several for entrant in _entrants(item)]
     if not named:
         raise BadArgument(f"no solver to compare; there are {', '.join(SOLVERS)}, or a FILE.py")
     names = [entrant.name for entrant in named]
@@ -261,15 +262,15 @@ def named_solvers(solvers: Solvers) -> tuple[NamedSolver, ...]:
     return tuple(named)
 
 
-def _entrants(one: str | Solver) -> tuple[NamedSolver, ...]:
-    if not isinstance(one, str):
-        known = catalogue_name(one) if hasattr(one, "solve") else None
-        return (NamedSolver(known or type(one).__name__, _checked(repr(one), one)),)
-    if one in SOLVERS:
-        return (NamedSolver(one, SOLVERS[one]),)
-    if one.endswith(".py"):
-        return _from_file(Path(one))
-    raise UnknownName("solver", one, SOLVERS, hint="or give a FILE.py")
+def _entrants(solver: str | Solver) -> tuple[NamedSolver, ...]:
+    if not isinstance(solver, str):
+        name = catalogue_name(solver) if hasattr(solver, "solve") else None
+        return (NamedSolver(name or type(solver).__name__, _checked(repr(solver), solver)),)
+    if solver in SOLVERS:
+        return (NamedSolver(solver, SOLVERS[solver]),)
+    if solver.endswith(".py"):
+        return _from_file(Path(solver))
+    raise UnknownName("solver", solver, SOLVERS, hint="or give a FILE.py")
 
 
 def _is_solver(value: Any) -> bool:
@@ -308,4 +309,4 @@ def _from_file(path: Path) -> tuple[NamedSolver, ...]:
 
 
 def _solver_of_file(source: str, called: str) -> Solver:
-    return {e.called: e.solver for e in _from_file(Path(source))}[called]
+    return {entrant.called: entrant.solver for entrant in _from_file(Path(source))}[called]

@@ -8,19 +8,21 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.comparison.metered import feasible, look
 from workbench.comparison.record import Stored
-from workbench.errors import BadFile
+from workbench.errors import BadFile, WorkbenchError
 from workbench.fitting.setup import Setup
 from workbench.problem import Problem
 from workbench.reading.facts import Facts, number, truth, whole
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
+from workbench.solvers.judgement import SHOWS_NOTHING
+from workbench.solvers.limits import GUARDED
 from workbench.solvers.no_minimum import EndPoint, saddle
 from workbench.solvers.starts import one_minimum
 
 POLISH_SECONDS = 20.0  # at most, per end
 POLISH_TO = 1e-13  # of Problem.optimality
 STATIONARY = 1e-9  # of Problem.optimality: an end as good as this is not followed
-LOOKED_AT = 9  # basins, the lowest, that may be saddles
-GRADIENTS = 200  # at most, that are taken to find a direction along which the cost falls
+BASINS_JUDGED = 9  # basins, the lowest, that may be saddles
+MOST_GRADIENTS = 200  # at most, that are taken to find a direction along which the cost falls
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +45,13 @@ def polished(problem: Problem, x: Array, fixed: Array) -> Array:
         solver = Ipopt(**options)  # type: ignore[arg-type]
     values = problem.values(x, fixed)
     try:
-        found = problem.free.pack(solver.solve(problem, values).values)
-    except Exception:  # an end at which nothing can be evaluated leads nowhere
+        solution = solver.solve(problem, values)
+    except WorkbenchError:  # an end that is no start, such as one that is not finite
         return x
-    before, after = look(problem, x, fixed)[0], look(problem, found, fixed)[0]
+    end = problem.free.pack(solution.values)
+    before, after = look(problem, x, fixed)[0], look(problem, end, fixed)[0]
     lower = after <= before or not np.isfinite(before)
-    return found if lower and feasible(problem, found, fixed) else x
+    return end if lower and feasible(problem, end, fixed) else x
 
 
 def basins(
@@ -59,36 +62,36 @@ def basins(
     An end is not followed further if its residual already equals that of a known minimum, or if it
     is stationary.
     """
-    found: list[list[Basin]] = []
-    where = []
+    known: list[list[Basin]] = []
+    numbers = []
     for end in ends:
-        basin = _at(problem, end, fixed)
-        k = _same_basin(problem, found, basin, fixed)
+        basin = _basin_at(problem, end, fixed)
+        k = _same_basin(problem, known, basin, fixed)
         if k is None:
             if not basin.optimality <= STATIONARY:
-                basin = _at(problem, polished(problem, end, fixed), fixed)
-                k = _same_basin(problem, found, basin, fixed)
+                basin = _basin_at(problem, polished(problem, end, fixed), fixed)
+                k = _same_basin(problem, known, basin, fixed)
             if k is None:
-                k = len(found)
-                found.append([])
-            found[k].append(basin)
-        where.append(k)
-    lowest = [min(members, key=lambda basin: basin.cost) for members in found]
+                k = len(known)
+                known.append([])
+            known[k].append(basin)
+        numbers.append(k)
+    lowest = [min(members, key=lambda basin: basin.cost) for members in known]
     order = sorted(range(len(lowest)), key=lambda k: lowest[k].cost)
     rank = {k: i for i, k in enumerate(order)}
-    return tuple(lowest[k] for k in order), tuple(rank[k] for k in where)
+    return tuple(lowest[k] for k in order), tuple(rank[k] for k in numbers)
 
 
-def _same_basin(problem: Problem, found: list[list[Basin]], at: Basin, fixed: Array) -> int | None:
+def _same_basin(problem: Problem, known: list[list[Basin]], end: Basin, fixed: Array) -> int | None:
     """The first basin with a member that has the same residual."""
-    for k, members in enumerate(found):
+    for k, members in enumerate(known):
         for member in members:
-            if one_minimum(problem, fixed, member.x, member.residual, at.residual):
+            if one_minimum(problem, fixed, member.x, member.residual, end.residual):
                 return k
     return None
 
 
-def _at(problem: Problem, x: Array, fixed: Array) -> Basin:
+def _basin_at(problem: Problem, x: Array, fixed: Array) -> Basin:
     cost, optimality = look(problem, x, fixed)
     return Basin(x, cost, optimality, problem.residual(x, fixed))
 
@@ -99,11 +102,12 @@ def is_saddle(problem: Problem, fixed: Array, x: Array) -> bool:
     False where that is not known: with constraints, or where nothing can be evaluated.
     """
     try:
-        here = problem.linearize_at(x, fixed)
-        rounding = problem.rounding(x, fixed, here.residual)
+        with GUARDED:
+            here = problem.linearize_at(x, fixed)
+            rounding = problem.rounding(x, fixed, here.residual)
         end = EndPoint(problem, fixed, x, here, rounding, x, STATIONARY, lambda: None)
-        return saddle(end, GRADIENTS) is not None
-    except Exception:  # of the user's residual
+        return here.finite and saddle(end, MOST_GRADIENTS) is not None
+    except SHOWS_NOTHING:
         return False
 
 
@@ -148,11 +152,11 @@ def analyse_ends(setup: Setup, ends: tuple[Array, ...]) -> EndAnalysis:
     problem = setup.problem
     problem.prepare()
     fixed = problem.split(setup.start)[1]
-    found, where = basins(problem, fixed, ends)
+    lowest_first, where = basins(problem, fixed, ends)
     return EndAnalysis(
         where,
-        tuple(basin.cost for basin in found),
-        tuple(basin.optimality for basin in found),
-        tuple(is_saddle(problem, fixed, basin.x) for basin in found[:LOOKED_AT]),
-        np.array([basin.x for basin in found]),
+        tuple(basin.cost for basin in lowest_first),
+        tuple(basin.optimality for basin in lowest_first),
+        tuple(is_saddle(problem, fixed, basin.x) for basin in lowest_first[:BASINS_JUDGED]),
+        np.array([basin.x for basin in lowest_first]),
     )

@@ -16,35 +16,39 @@ from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, in
 from workbench.problem.optimality import half_squared
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
-from workbench.solvers.limits import Meter
+from workbench.solvers.judgement import SHOWS_NOTHING
+from workbench.solvers.limits import GUARDED, Meter
 from workbench.solvers.solution import limited
 from workbench.threads import limited_threads
 
 T = TypeVar("T")
 Point = tuple[Array, Array]  # free and fixed numbers
 Complete = Callable[[Array, Array], Point]
-CLOSING = 3  # evaluations after the last one that counts
-ROUNDING = 1e-9  # of a number: rounding on a bound
+CLOSING_EVALUATIONS = 3  # evaluations after the last one that counts
+BOUND_ROUNDING = 1e-9  # of a number: rounding on a bound
 
 
 def feasible(problem: Problem, x: Array, fixed: Array) -> bool:
     """Inside the bounds, and no constraint missed by more than its tolerance."""
-    tolerance = ROUNDING * np.maximum(1, abs(x))
+    tolerance = BOUND_ROUNDING * np.maximum(1, abs(x))
     if not ((problem.lower <= x + tolerance) & (x - tolerance <= problem.upper)).all():
         return False
-    there = problem.stacked_constraints
-    return there is None or there.violation(there.values(x, fixed)) <= 1
+    constraints = problem.stacked_constraints
+    return constraints is None or constraints.violation(constraints.values(x, fixed)) <= 1
 
 
 def look(problem: Problem, x: Array, fixed: Array) -> tuple[float, float]:
     """Cost and optimality of a point by the problem itself; NaN where it cannot be evaluated."""
     try:
         with limited_threads():
-            here = problem.linearize_at(x, fixed)
+            with GUARDED:
+                here = problem.linearize_at(x, fixed)
             if not here.finite:
                 return (here.cost if np.isfinite(here.cost) else np.nan), np.nan
-            return here.cost, problem.optimality(x, here, problem.rounding(x, fixed, here.residual))
-    except Exception:
+            with GUARDED:
+                rounding = problem.rounding(x, fixed, here.residual)
+            return here.cost, problem.optimality(x, here, rounding)
+    except SHOWS_NOTHING:
         return np.nan, np.nan
 
 
@@ -68,7 +72,7 @@ class RunMeter:
     ) -> None:
         self.problem, self._fixed, self._log = problem, fixed, log
         self._most, self._longest = max_evaluations, max_seconds
-        self._meter = Meter(KINDS, max_evaluations + CLOSING, max_seconds + closing)
+        self._meter = Meter(KINDS, max_evaluations + CLOSING_EVALUATIONS, max_seconds + closing)
         self.paused, self.taken = self._meter.paused, log.taken
         self._spent = np.zeros(len(KINDS))
         self._not_finite, self._best = 0, np.inf
@@ -138,7 +142,7 @@ class RunMeter:
 
 
 def _taken(name: str) -> Any:
-    """An attribute of a metered problem by which its evaluations can go on unseen.
+    """An attribute of a metered problem whose use may lead to evaluations that are not counted.
 
     It is noted if it is taken from outside of the workbench.
     """
@@ -261,19 +265,19 @@ class MeteredProblem(Problem):
         return ask
 
 
-def _counted(there: ConstraintSet | None, meter: RunMeter) -> ConstraintSet | None:
+def _counted(constraints: ConstraintSet | None, meter: RunMeter) -> ConstraintSet | None:
     """A copy of constraints whose evaluations are counted."""
-    if there is None:
+    if constraints is None:
         return None
 
     def counted(kind: str, compute: Callable[..., T]) -> Callable[..., T]:
         return lambda *arguments: meter.ask({kind: 1}, lambda: compute(*arguments))
 
-    copied = copy.copy(there)
+    copied = copy.copy(constraints)
     vars(copied).update(
-        values=counted("constraint", there.values),
-        linearize=counted("constraint_jacobian", there.linearize),
-        hessian=counted("constraint_hessian", there.hessian),
+        values=counted("constraint", constraints.values),
+        linearize=counted("constraint_jacobian", constraints.linearize),
+        hessian=counted("constraint_hessian", constraints.hessian),
     )
     return copied
 

@@ -25,7 +25,7 @@ KINDS = (  # of evaluations
     "constraint_jacobian",
     "constraint_hessian",
 )
-LIMITED = 4  # of them a budget limits: all but those of the constraints
+LIMITED_KINDS = 4  # of them a budget limits: all but those of the constraints
 COUNTS = slice(2, 2 + len(KINDS))
 SPENT = slice(COUNTS.stop, COUNTS.stop + len(KINDS))
 NOT_FINITE, SECONDS, TAKEN = SPENT.stop, SPENT.stop + 1, SPENT.stop + 2
@@ -67,8 +67,8 @@ class RunLog:
     def better(self, x: Array, counts: Array, seconds: float, cost: float) -> None:
         """Record an improvement; when the file is full it replaces the last one."""
         k = min(int(self.numbers[1]), ROWS - 1)
-        at = HEAD + self.n + ROW * k
-        self.numbers[at : at + ROW] = (*counts, seconds, cost)
+        begin = HEAD + self.n + ROW * k
+        self.numbers[begin : begin + ROW] = (*counts, seconds, cost)
         self.numbers[HEAD : HEAD + self.n] = x
         self.numbers[1] = k + 1
 
@@ -201,13 +201,13 @@ class Record:
         if not len(counts) == len(spent) == len(KINDS) or not np.isfinite(spent).all():
             raise BadFile(f"counts are {counts} and times {spent}, of {len(KINDS)} kinds")
         claim = plain.pop("claim")  # older files have older names of statuses
-        seen = facts.whole("not_finite"), facts.duration("seconds"), best, trace
+        observed = facts.whole("not_finite"), facts.duration("seconds"), best, trace
         return Record(
             **plain,
             ending=RunEnding[facts.among("ending", RunEnding.__members__)],
             claim=Status[claim].name if claim in Status.__members__ else claim,
             end=end,
-            observed=ObservedRun(counts, spent, *seen, facts.truth("taken")),
+            observed=ObservedRun(counts, spent, *observed, facts.truth("taken")),
         )
 
 
@@ -238,7 +238,6 @@ class Description:
     start_cost: float  # the cost at the start
     known_cost: float  # the cost of the known answer; NaN if none is known
     known_source: str  # where the known answer comes from
-    certified: bool  # whether the values of the known answer are known
     question: str  # the question that the experiment asks
 
     def stored(self) -> Stored:
@@ -251,12 +250,12 @@ class Description:
         return Description(**_read(Description, Facts(stored[0])))
 
 
-READERS = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
+BY_TYPE = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
 
 
 def _read(kind: type, facts: Facts) -> dict[str, Any]:
     """The plain fields of a dataclass from facts."""
-    return {f.name: READERS[f.type](facts, f.name) for f in fields(kind) if f.type in READERS}
+    return {f.name: BY_TYPE[f.type](facts, f.name) for f in fields(kind) if f.type in BY_TYPE}
 
 
 @cache

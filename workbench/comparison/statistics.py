@@ -30,7 +30,7 @@ class Interval:
     coverage: float = np.nan
 
     @property
-    def given(self) -> bool:
+    def bounded(self) -> bool:
         """Whether there is one."""
         return not np.isnan(self.low)
 
@@ -84,8 +84,8 @@ def sign_test(first: int, second: int) -> float:
     It is the probability that a number of wins is at least as far from one half of all as here, if
     each win is equally likely for both.
     """
-    n, k = first + second, max(first, second)
-    return min(1.0, 2 * _below(n - k + 1, n))
+    n, most = first + second, max(first, second)
+    return min(1.0, 2 * _below(n - most + 1, n))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -180,8 +180,8 @@ def ratios(times: ArrayLike) -> Array:
         return t
     least = t.min(axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = np.where(t == least, 1.0, t / least)
-    return np.where(np.isinf(t), np.inf, found)
+        over_least = np.where(t == least, 1.0, t / least)
+    return np.where(np.isinf(t), np.inf, over_least)
 
 
 def performance_profile(times: ArrayLike, alphas: ArrayLike) -> Array:

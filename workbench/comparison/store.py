@@ -29,10 +29,10 @@ class FolderStore:
         self.folder = Path(folder)
         self._runs = self.folder / RUNS
         try:
-            there = self.folder.exists() and (
+            exists = self.folder.exists() and (
                 not self.folder.is_dir() or any(self.folder.iterdir())
             )
-            if there and not _ours(self.folder / MARK):
+            if exists and not _ours(self.folder / MARK):
                 raise BadFile(
                     f"{self.folder} exists and holds no comparison, so nothing is written there; "
                     "choose another folder"
@@ -42,7 +42,7 @@ class FolderStore:
             raise BadFile(
                 f"cannot make the folder {self.folder}: {error.strerror}; choose another"
             ) from error
-        if not there:
+        if not exists:
             text = json.dumps({"made_by": "workbench", "kind": "comparison"})
             write_file(self.folder / MARK, text)
 
@@ -72,7 +72,7 @@ class FolderStore:
 
 def _ours(mark: Path) -> bool:
     try:
-        found = json_in(mark)
+        facts = json_in(mark)
     except BadFile:
         return False
-    return isinstance(found, dict) and found.get("kind") == "comparison"
+    return isinstance(facts, dict) and facts.get("kind") == "comparison"

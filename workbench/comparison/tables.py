@@ -118,7 +118,7 @@ def evaluation_seconds(comparison: Comparison, problem: str) -> dict[str, float]
     }
 
 
-def ratios(comparison: Comparison, problem: str) -> dict[str, float]:
+def relative_seconds(comparison: Comparison, problem: str) -> dict[str, float]:
     """The time of one evaluation of each kind over that of a residual, on this machine."""
     seconds = evaluation_seconds(comparison, problem)
     return {kind: s / seconds["residual"] for kind, s in seconds.items()}

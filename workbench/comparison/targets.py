@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.comparison.record import KINDS, Record, RunEnding
-from workbench.experiments.running import SMALLEST, relative_excess
+from workbench.experiments.running import COST_ROUNDING, relative_excess
 from workbench.solvers import Status
 from workbench.solvers.starts import AS_GOOD
 
@@ -48,7 +48,7 @@ PRICES = {
     "constraint_jacobian": Price("Jacobian of constraints", "n + 1", lambda n: n + 1.0),
     "constraint_hessian": Price("Hessian of constraints", "4 (n + 1)", lambda n: 4.0 * (n + 1.0)),
 }
-SOURCE = "Griewank and Walther, Evaluating Derivatives (2008)"
+PRICES_SOURCE = "Griewank and Walther, Evaluating Derivatives (2008)"
 
 
 def prices(n: int) -> dict[str, float]:
@@ -62,7 +62,7 @@ def units(counts: ArrayLike, n: int) -> Array:
 
 
 TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
-NEARLY = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost
+AT_LOWEST = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost
 
 
 def tau_text(tau: float) -> str:
@@ -90,8 +90,8 @@ class TargetOutcome(Enum):
     REFUSED = "refused the problem, for example its bounds or constraints"
 
 
-LIMITS = {Status.MAX_EVALUATIONS.name, Status.MAX_ITERATIONS.name, Status.MAX_SECONDS.name}
-EARLY = {
+LIMIT_CLAIMS = {Status.MAX_EVALUATIONS.name, Status.MAX_ITERATIONS.name, Status.MAX_SECONDS.name}
+OUTCOME_OF_ENDING = {
     RunEnding.KILLED: TargetOutcome.NOT_STOPPING,
     RunEnding.CRASHED: TargetOutcome.CRASHED,
     RunEnding.RAISED: TargetOutcome.RAISED,
@@ -118,7 +118,7 @@ class ReferenceCosts:
         if not (np.isfinite(self.start) and np.isfinite(self.best)):
             return np.nan
         rounding = 1e-12 if self.start >= self.best else AS_GOOD
-        slack = max(rounding * abs(self.best), SMALLEST * abs(self.start))
+        slack = max(rounding * abs(self.best), COST_ROUNDING * abs(self.start))
         return self.best + max(tau * (self.start - self.best), slack)
 
     def reached_at(self, record: Record, tau: float) -> Array | None:
@@ -137,7 +137,7 @@ class ReferenceCosts:
         It is at most a millionth above it, or 1e-9 of the decrease from the cost at the start.
         """
         excess = relative_excess(cost, self.best, self.start)
-        return excess <= AS_GOOD or cost <= self.target(NEARLY)
+        return excess <= AS_GOOD or cost <= self.target(AT_LOWEST)
 
 
 def claims(record: Record) -> bool:
@@ -152,7 +152,7 @@ def ended_by_clock(record: Record) -> bool:
     return out_of_time or cut or record.ending is RunEnding.KILLED
 
 
-SAID = {  # of ends above the lowest cost: what a solver found out there by evaluations
+OUTCOME_OF_CLAIM = {  # of ends above the lowest cost: what a solver found out there by evaluations
     Status.NO_FINITE_MINIMUM.name: TargetOutcome.NO_FINITE_MINIMUM,
     Status.INSENSITIVE.name: TargetOutcome.INSENSITIVE,
     Status.SADDLE.name: TargetOutcome.SADDLE,
@@ -169,13 +169,13 @@ def target_outcome(
     """What became of a run.
 
     `lowest` says whether its end leads to the lowest cost known; None if that is not known. If the
-    end is stationary, `at_saddle` says whether the curvature there is negative. What a solver says
-    of an end above the lowest cost is believed only where it is no praise.
+    end is stationary, `at_saddle` says whether the curvature there is negative. Of an end above the
+    lowest cost a solver's own status counts only if it admits a failure.
     """
-    if record.ending in EARLY:
-        return EARLY[record.ending]
+    if record.ending in OUTCOME_OF_ENDING:
+        return OUTCOME_OF_ENDING[record.ending]
     if not record.finite:
-        spent = record.ending is RunEnding.CUT or record.claim in LIMITS
+        spent = record.ending is RunEnding.CUT or record.claim in LIMIT_CLAIMS
         return TargetOutcome.OUT_OF_BUDGET if spent else TargetOutcome.NO_SOLUTION
     if not record.inside:
         return TargetOutcome.NOT_ALLOWED
@@ -184,12 +184,12 @@ def target_outcome(
     settled = record.optimality <= tolerance
     if (settled and lowest) or (lowest is not False and reference.is_lowest(record.cost)):
         return TargetOutcome.REACHED
-    if record.claim in SAID and (settled or record.claim != Status.SADDLE.name):
-        return SAID[record.claim]
+    if record.claim in OUTCOME_OF_CLAIM and (settled or record.claim != Status.SADDLE.name):
+        return OUTCOME_OF_CLAIM[record.claim]
     if settled:
         return TargetOutcome.SADDLE if at_saddle else TargetOutcome.OTHER_BASIN
     if claims(record):
         return TargetOutcome.FALSE_CLAIM
-    if record.ending is RunEnding.CUT or record.claim in LIMITS:
+    if record.ending is RunEnding.CUT or record.claim in LIMIT_CLAIMS:
         return TargetOutcome.OUT_OF_BUDGET
     return TargetOutcome.STALLED

@@ -28,7 +28,7 @@ from workbench.solvers import Solution
 from workbench.solvers.limits import Stop
 from workbench.threads import limited_threads
 
-SLOW = 3  # Jacobians: the grace of a problem whose evaluations take long
+GRACE_JACOBIANS = 3  # the grace of a problem whose evaluations take long
 
 
 def main() -> None:
@@ -55,7 +55,7 @@ def serve(channel: Channel) -> None:
             with limited_threads():
                 answer = _answered(job, built[key], announce)
         except BaseException as error:  # also a user's SystemExit
-            answer = JobFailed(_told(error), isinstance(error, UnknownName))
+            answer = JobFailed(_message_of(error), isinstance(error, UnknownName))
         channel.send(pickle.dumps(answer))
 
 
@@ -80,7 +80,6 @@ def describe(instance: str, setup: Setup) -> Description:
         start_cost=look(problem, *problem.split(setup.start))[0],
         known_cost=np.nan if known is None or known.cost is None else float(known.cost),
         known_source="" if known is None else str(known.source),
-        certified=known is not None and known.values is not None,
         question=setup.question,
     )
 
@@ -93,11 +92,11 @@ def run_solver(job: Solve, setup: Setup, announce: Announce) -> Record:
     problem, budget = setup.problem, job.budget
     x, fixed = problem.split(setup.start)
     with user_errors(job.source):
-        solver = budget.given(job.open_solver(), job.repetition)
+        solver = budget.applied_to(job.open_solver(), job.repetition)
     warm(problem, setup.start)
     began = time.perf_counter()
     problem.linearize_at(x + 1e-7, fixed)  # a problem may keep its last point
-    grace = max(budget.grace, SLOW * (time.perf_counter() - began))
+    grace = max(budget.grace, GRACE_JACOBIANS * (time.perf_counter() - began))
     log = RunLog(job.log, problem.free.size)
     random.seed(job.repetition)
     np.random.seed(job.repetition)  # for solvers that draw from the common generator
@@ -105,7 +104,7 @@ def run_solver(job: Solve, setup: Setup, announce: Announce) -> Record:
     meter = RunMeter(
         problem, fixed, budget.max_evaluations, budget.max_seconds, log, closing=grace / 2
     )
-    ending, message, answer = _asked(solver, meter.metered(), setup.start, job.source)
+    ending, message, answer = _ending_of(solver, meter.metered(), setup.start, job.source)
     seconds = meter.seconds
     announce("looking at its end", budget.build_seconds)
     log.ended(seconds)
@@ -118,14 +117,15 @@ def run_solver(job: Solve, setup: Setup, announce: Announce) -> Record:
     try:  # NaN is an answer, if no good one
         values = {name: np.asarray(v, dtype=float) for name, v in answer.values.items()}
         end = problem.free.pack(values)
-        claim, cost, said = str(answer.status.name), float(answer.cost), str(answer.message)
+        claim, cost = str(answer.status.name), float(answer.cost)
+        message = str(answer.message)
     except (AttributeError, TypeError, ValueError, WorkbenchError) as error:
-        told = "" if isinstance(answer, Solution) else f"it returned {answer!r:.60}: "
-        return early(RunEnding.BROKEN, f"{told}{error}")
-    return _judged(early(ending, said, claim=claim, claimed_cost=cost, end=end), setup)
+        prefix = "" if isinstance(answer, Solution) else f"it returned {answer!r:.60}: "
+        return early(RunEnding.BROKEN, f"{prefix}{error}")
+    return _judged(early(ending, message, claim=claim, claimed_cost=cost, end=end), setup)
 
 
-def _asked(
+def _ending_of(
     solver: Any, problem: MeteredProblem, start: Values, source: str
 ) -> tuple[RunEnding, str, Any]:
     """How it ended, why, and what was returned; whatever a solver raises ends here."""
@@ -138,10 +138,10 @@ def _asked(
                 return RunEnding.CUT, cause.message, None
             if isinstance(cause, NotSupported):
                 return RunEnding.REFUSED, str(cause), None
-        return RunEnding.RAISED, _told(error), None
+        return RunEnding.RAISED, _message_of(error), None
 
 
-def _told(error: BaseException) -> str:
+def _message_of(error: BaseException) -> str:
     if isinstance(error, WorkbenchError):
         return str(error)
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
@@ -154,8 +154,8 @@ def _judged(record: Record, setup: Setup) -> Record:
         return record
     fixed = problem.split(setup.start)[1]
     cost, optimality = look(problem, end, fixed)
-    agree = np.nan
+    digits_agreed = np.nan
     if setup.known is not None and setup.known.values is not None:
-        agree = digits(problem.free.unpack(end, setup.start), setup.known.values)
+        digits_agreed = digits(problem.free.unpack(end, setup.start), setup.known.values)
     inside = feasible(problem, end, fixed)
-    return replace(record, cost=cost, optimality=optimality, digits=agree, inside=inside)
+    return replace(record, cost=cost, optimality=optimality, digits=digits_agreed, inside=inside)

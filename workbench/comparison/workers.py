@@ -21,9 +21,9 @@ from workbench.solvers import Solver
 from workbench.threads import thread_count
 
 Announce = Callable[[str, float], None]  # what begins, and how many seconds it may take
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-MAIN = "from workbench.comparison.worker import main; main()"
-STARTING = 120.0  # s, for Python to start and import the workbench
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+WORKER_COMMAND = "from workbench.comparison.worker import main; main()"
+START_SECONDS = 120.0  # s, for Python to start and import the workbench
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,7 +89,7 @@ class Worker:
 
         Raises NotBegun.
         """
-        phase, limit, killed = "", STARTING, False
+        phase, limit, killed = "", START_SECONDS, False
         try:
             self._channel.send(pickle.dumps(job), limit)
             while (message := self._channel.receive(limit)) is not None:
@@ -153,9 +153,9 @@ class Pool:
         return self.ask(job, comparison) if answer is None else answer
 
     def _started(self) -> Worker:
-        threads = dict.fromkeys(THREADS, str(thread_count()))
+        threads = dict.fromkeys(THREAD_VARIABLES, str(thread_count()))
         environment = {**threads, "PYTHONPATH": os.pathsep.join(absolute_paths())}
-        return Worker(self._starting.submit(Started, ["-c", MAIN], environment).result())
+        return Worker(self._starting.submit(Started, ["-c", WORKER_COMMAND], environment).result())
 
     def close(self, comparison: str = "") -> None:
         """End all idle workers, and those that are busy for this comparison; for any if empty."""
@@ -171,9 +171,9 @@ class Pool:
 @cache
 def pool() -> Pool:
     """The pool of this process. Threads share it, and a Dask worker keeps it between tasks."""
-    made = Pool()
-    atexit.register(made.close)
-    return made
+    workers = Pool()
+    atexit.register(workers.close)
+    return workers
 
 
 def answered(job: SolverJob, comparison: str) -> Stored | JobFailed:

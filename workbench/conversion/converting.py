@@ -13,6 +13,7 @@ from workbench.conversion.correspondence import (
     Correspondence,
     correspond,
     counted,
+    rest_pose_prior,
     sampled_vertices,
 )
 from workbench.errors import BadArgument
@@ -21,7 +22,12 @@ from workbench.fitting.known_points import from_correspondences
 from workbench.fitting.tracking import PointTracker, Progress, quiet
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
-from workbench.residuals import gaussian
+
+SAMPLED_VERTICES = 1200  # vertices to which a pose is fitted
+SIGMA = 0.005  # m, of a vertex beside its place on the other body
+POSE_SIGMA = 1.0  # rad, about the rest pose: it holds only what no vertex shows
+DOUBTED_ERROR = 0.05  # m, from what a motion was made of: a farther one is doubted
+FRAMES_AT_ONCE = 25  # frames whose surfaces are in memory at once
 
 
 def vertex_parts(body: Body) -> tuple[str, ...]:
@@ -41,13 +47,6 @@ def vertex_parts(body: Body) -> tuple[str, ...]:
         else:
             names.append(below if below in BONES.values() else joint)
     return tuple(names[k] for k in body.vertex_weights.argmax(axis=1))
-
-
-SAMPLE = 1200  # vertices to which a pose is fitted
-SIGMA = 0.005  # m, of a vertex beside its place on the other body
-POSE_SIGMA = 1.0  # rad, about the rest pose: it holds only what no vertex shows
-FAR = 0.05  # m, from what a motion was made of: a farther one is doubted
-TOGETHER = 25  # frames whose surfaces are in memory at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +70,12 @@ class Converted:
     def by_part(self) -> dict[str, tuple[float, float]]:
         """The mean and the largest error of each part, in m, the worst first."""
         names = np.array(self.parts)
-        found = {}
+        errors = {}
         for name in dict.fromkeys(self.parts):
-            own = self.errors[:, names == name]
-            if np.isfinite(own).any():
-                found[name] = float(np.nanmean(own)), float(np.nanmax(own))
-        return dict(sorted(found.items(), key=lambda item: -item[1][0]))
+            of_part = self.errors[:, names == name]
+            if np.isfinite(of_part).any():
+                errors[name] = float(np.nanmean(of_part)), float(np.nanmax(of_part))
+        return dict(sorted(errors.items(), key=lambda item: -item[1][0]))
 
     def mean(self) -> float:
         """The mean error in m."""
@@ -118,8 +117,8 @@ def convert(
     own = space.expression if talks else range(0)
     tracker, person = _tracker(played, source, target, correspondence, own)
     shape = tracker.shape(person, progress)
-    found = tracker.poses(shape, progress)
-    pose, betas, trans = (found[block.name] for block in target.blocks())
+    blocks = tracker.poses(shape, progress)
+    pose, betas, trans = (blocks[block.name] for block in target.blocks())
     new = Motion(
         pose,
         trans,
@@ -138,13 +137,13 @@ def conversion_errors(
     new: Motion, target: Body, motion: Motion, source: Body, correspondence: Correspondence
 ) -> Array:
     """How far each vertex of the target is from its place on the source in each frame, (T, N) m."""
-    found = np.empty((len(motion), target.n_vertices))
-    for first in range(0, len(motion), TOGETHER):
-        some = slice(first, first + TOGETHER)
+    errors = np.empty((len(motion), target.n_vertices))
+    for first in range(0, len(motion), FRAMES_AT_ONCE):
+        some = slice(first, first + FRAMES_AT_ONCE)
         places = correspondence.of(motion[some].vertices(source))
-        found[some] = np.linalg.norm(new[some].vertices(target) - places, axis=2)
-    found[:, ~correspondence.matched] = np.nan
-    return found
+        errors[some] = np.linalg.norm(new[some].vertices(target) - places, axis=2)
+    errors[:, ~correspondence.matched] = np.nan
+    return errors
 
 
 def skeleton_errors(new: Motion, target: Body, skeleton: Motion) -> Array | None:
@@ -170,29 +169,22 @@ def doubts_of(new: Motion, target: Body, errors: Array, of: str) -> tuple[str, .
         f"the body is {100 * middle:.0f} cm from {of} in the median; check which are which, their "
         "unit, the axis that is up, and the rest pose"
     )
-    return (*([far] if middle > FAR else []), *of_person(target, new.betas_on(target)))
+    return (*([far] if middle > DOUBTED_ERROR else []), *of_person(target, new.betas_on(target)))
 
 
 def _tracker(
     played: Motion, source: Body, target: Body, correspondence: Correspondence, own: range
 ) -> tuple[PointTracker, Array]:
     """The frames of the source as observed places of the target, and the shape to begin with."""
-    some = sampled_vertices(target, SAMPLE)
+    some = sampled_vertices(target, SAMPLED_VERTICES)
     some = some[correspondence.matched[some]]
     observed = np.concatenate(
         [
-            correspondence.of(played[t : t + TOGETHER].vertices(source))[:, some]
-            for t in range(0, len(played), TOGETHER)
+            correspondence.of(played[t : t + FRAMES_AT_ONCE].vertices(source))[:, some]
+            for t in range(0, len(played), FRAMES_AT_ONCE)
         ]
     )
     pose, betas, trans = (block.symbol for block in target.blocks())
-    prior = gaussian(
-        pose[:, 1:],
-        mean=target.bind_pose[1:],
-        covariance=POSE_SIGMA**2,
-        unit="rad",
-        name="pose prior",
-    )
 
     def starts(t: int, before: Values | None) -> list[Values]:
         if before is None or t == 0:
@@ -209,7 +201,7 @@ def _tracker(
         observed,
         counted(target, some),
         SIGMA,
-        prior,
+        rest_pose_prior(target, POSE_SIGMA),
         starts,
         own=own,
     )
@@ -220,11 +212,11 @@ def _tracker(
 def turned_on(target: Body, before: Values, played: Motion, t: int) -> Values:
     """Pose and trans of a frame: those before, turned as the source's joints from t - 1 to t."""
     pose, _, trans = (block.name for block in target.blocks())
-    there = [k for k, name in enumerate(target.joint_names) if name in played.joint_names]
-    ours: Index = np.array([played.joint_names.index(target.joint_names[k]) for k in there])
+    shared = [k for k, name in enumerate(target.joint_names) if name in played.joint_names]
+    ours: Index = np.array([played.joint_names.index(target.joint_names[k]) for k in shared])
     last, now = (matrix_from_vector(played.pose[s, ours]) for s in (t - 1, t))
     moved = before[pose].copy()
-    own = matrix_from_vector(moved[there])
-    moved[there] = vector_from_matrix(now @ last.swapaxes(1, 2) @ own)
+    own = matrix_from_vector(moved[shared])
+    moved[shared] = vector_from_matrix(now @ last.swapaxes(1, 2) @ own)
     step = played.trans[t] - played.trans[t - 1]
     return {**before, pose: moved, trans: before[trans] + step}

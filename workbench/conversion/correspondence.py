@@ -25,20 +25,30 @@ from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, landmarks, vertices
 from workbench.solvers import TrustRegion
 
-LEAST = 20  # vertices of each joint, or all that it has: six numbers place a rigid part
+FEWEST_COMMON = 3  # joints that two bodies have in common, by which one is placed on the other
+JOINT_SIGMA = 0.01  # m, of a joint of one body beside that of another
+SURFACE_SIGMA = 0.005  # m, of a vertex beside the closest place on another surface
+POSE_SIGMA = 0.3  # rad, between the rest poses of two bodies
+CLOSEST_ROUNDS = 8  # of closest places and a fit to them
+SAMPLED_VERTICES = 1200  # vertices by which one surface is brought onto the other
+LEAST_FACING = 0.3  # cosine between the normals of a vertex and of its place
+FARTHEST_PLACE = 0.05  # m: a vertex farther than this from the other surface has no place there
+FEWEST_OF_JOINT = 20  # vertices of each joint, or all that it has: six numbers place a rigid part
+
+Said = Callable[[str], object]
 
 
 def sampled_vertices(body: Body, count: int) -> Index:
     """About `count` vertices, in order, evenly over those that follow each joint most.
 
     Those that follow one joint are taken at equal steps in the order of the mesh; each joint has
-    its share of all vertices, but `LEAST` of them or all that it has.
+    its share of all vertices, but `FEWEST_OF_JOINT` of them or all that it has.
     """
     N, owner = body.n_vertices, body.vertex_weights.argmax(axis=1)
     chosen: list[int] = []
     for k in range(body.n_joints):
         own = np.flatnonzero(owner == k)
-        many = min(len(own), max(LEAST, round(count * len(own) / N)))
+        many = min(len(own), max(FEWEST_OF_JOINT, round(count * len(own) / N)))
         if many:
             chosen += own[np.linspace(0, len(own) - 1, many).round().astype(int)].tolist()
     return np.array(sorted(chosen), dtype=np.int64)
@@ -49,20 +59,8 @@ def counted(body: Body, chosen: Index) -> Array:
     owner = body.vertex_weights.argmax(axis=1)
     of_all = np.bincount(owner, minlength=body.n_joints)
     of_chosen = np.bincount(owner[chosen], minlength=body.n_joints)
-    found = of_all[owner[chosen]] / of_chosen[owner[chosen]]
-    return np.asarray(found / found.mean())
-
-
-COMMON = 3  # joints that two bodies have in common, by which one is placed on the other
-JOINT_SIGMA = 0.01  # m, of a joint of one body beside that of another
-SURFACE_SIGMA = 0.005  # m, of a vertex beside the closest place on another surface
-POSE_SIGMA = 0.3  # rad, between the rest poses of two bodies
-ROUNDS = 8  # of closest places and a fit to them
-SAMPLE = 1200  # vertices by which one surface is brought onto the other
-FACING = 0.3  # cosine between the normals of a vertex and of its place: less is the other side
-FARTHEST = 0.05  # m: a vertex farther than this from the other surface has no place there
-
-Said = Callable[[str], object]
+    weights = of_all[owner[chosen]] / of_chosen[owner[chosen]]
+    return np.asarray(weights / weights.mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,22 +108,24 @@ def correspond(source: Body, target: Body, said: Said = lambda text: None) -> Co
     surface = source.vertices()
     tree = SurfaceTree(surface, source.faces)
     said("the joints of one body are brought onto those of the other")
-    at = _by_joints(source, target)
-    chosen = sampled_vertices(target, SAMPLE)
+    values = _by_joints(source, target)
+    chosen = sampled_vertices(target, SAMPLED_VERTICES)
     problem = _to_places(target, chosen)
     solver = TrustRegion(max_iterations=10, gradient_tolerance=1e-3)
-    said(f"closest places are found, and the body fitted to them, {ROUNDS} times")
-    for _ in range(ROUNDS):
-        posed = _vertices(target, at)
+    said(f"closest places are found, and the body fitted to them, {CLOSEST_ROUNDS} times")
+    for _ in range(CLOSEST_ROUNDS):
+        posed = _vertices(target, values)
         places, seen, _ = _closest(tree, posed, target.faces, chosen)
-        given = at | {"observed": places, "seen": seen.astype(float)}
-        at |= {
-            name: value for name, value in solver.solve(problem, given).values.items() if name in at
+        start = values | {"observed": places, "seen": seen.astype(float)}
+        values |= {
+            name: value
+            for name, value in solver.solve(problem, start).values.items()
+            if name in values
         }
-    posed = _vertices(target, at)
+    posed = _vertices(target, values)
     _, matched, distances = _closest(tree, posed, target.faces, np.arange(N))
     return Correspondence(
-        barycentric_weights(surface, source.faces, posed), matched, distances, at, False
+        barycentric_weights(surface, source.faces, posed), matched, distances, values, False
     )
 
 
@@ -137,19 +137,23 @@ def _closest(
     tree: SurfaceTree, posed: Array, faces: Index, chosen: Index
 ) -> tuple[Array, Mask, Array]:
     """The places (n, 3) of some vertices, which of them are right, and how far they are, in m."""
-    found = tree.closest(posed[chosen])
-    facing = (vertex_normals(posed, faces)[chosen] * found.normals).sum(axis=1)
-    distances = np.abs(found.distances)
-    return found.points, np.asarray((facing > FACING) & (distances < FARTHEST)), distances
+    closest = tree.closest(posed[chosen])
+    facing = (vertex_normals(posed, faces)[chosen] * closest.normals).sum(axis=1)
+    distances = np.abs(closest.distances)
+    return (
+        closest.points,
+        np.asarray((facing > LEAST_FACING) & (distances < FARTHEST_PLACE)),
+        distances,
+    )
 
 
 def _by_joints(source: Body, target: Body) -> Values:
     """The target with its joints where those of the same names of the source are at rest."""
     shared = [name for name in target.joint_names if name in source.joint_names]
-    if len(shared) < COMMON:
+    if len(shared) < FEWEST_COMMON:
         raise BadArgument(
             f"bodies {source.name!r} and {target.name!r} have {len(shared)} joints of the same "
-            f"names, and one is placed on the other by {COMMON} or more; the joints are "
+            f"names, and one is placed on the other by {FEWEST_COMMON} or more; the joints are "
             f"{some_of(source.joint_names)} and {some_of(target.joint_names)}; rename those that "
             "are the same"
         )
@@ -163,7 +167,7 @@ def _by_joints(source: Body, target: Body) -> Values:
     points = target.joint_points(pose.symbol, betas.symbol, trans.symbol)
     data = landmarks(points, observed, sigma=JOINT_SIGMA, name="joints")
     problem = Problem(
-        [replace(data, weights=seen), *_rest_priors(target)],
+        [replace(data, weights=seen), rest_pose_prior(target, POSE_SIGMA), shape_prior(target)],
         (trans.name, pose.name, betas.name),
     )
     at_rest = target.joints()
@@ -172,16 +176,10 @@ def _by_joints(source: Body, target: Body) -> Values:
     return {**start, **TrustRegion(max_iterations=50).solve(problem, start).values}
 
 
-def _rest_priors(target: Body) -> list[Residual]:
-    pose = target.blocks()[0].symbol
-    about = gaussian(
-        pose[:, 1:],
-        mean=target.bind_pose[1:],
-        covariance=POSE_SIGMA**2,
-        unit="rad",
-        name="rest pose",
-    )
-    return [about, shape_prior(target)]
+def rest_pose_prior(body: Body, sigma: float) -> Residual:
+    """Each joint but the root is as at rest, with `sigma` in rad about each axis."""
+    pose, mean = body.blocks()[0].symbol[:, 1:], body.bind_pose[1:]
+    return gaussian(pose, mean=mean, covariance=sigma**2, unit="rad", name="rest pose")
 
 
 def _to_places(body: Body, chosen: Index) -> Problem:
@@ -191,7 +189,7 @@ def _to_places(body: Body, chosen: Index) -> Problem:
     place, seen = Block("observed", (len(chosen), 3), "m"), Block("seen", (len(chosen),))
     data = vertices(points, place.symbol, sigma=SURFACE_SIGMA, name="surface")
     return Problem(
-        [replace(data, weights=seen.symbol), *_rest_priors(body)],
+        [replace(data, weights=seen.symbol), rest_pose_prior(body, POSE_SIGMA), shape_prior(body)],
         (trans.name, pose.name, betas.name),
         blocks=(place, seen),
     )

@@ -1,9 +1,8 @@
 """A motion from named points in space, such as triangulated keypoints or joints of a skeleton."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -15,8 +14,9 @@ from workbench.bodies.body import Body
 from workbench.bodies.hands import HAND_POINTS, TIPS, hand_points
 from workbench.errors import BadArgument, UnknownName, some_of
 from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.hands import points_of
 from workbench.fitting.placing import moved
-from workbench.fitting.tracking import QUICK, PointTracker, Progress, quiet, solved
+from workbench.fitting.tracking import QUICK_SOLVER, PointTracker, Progress, quiet, solved
 from workbench.fitting.videos import PLACE_SIGMA, POSE_SIGMA
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
@@ -27,13 +27,12 @@ from workbench.problem import sequence
 from workbench.residuals import smooth
 
 SIGMA = 0.01  # m, of a point beside that of the body
-LOOSE = 0.025  # m, of joints that each kind of skeleton has in other places
-WIDE = (0.2, 0.05)  # m, sigmas of a frame by itself in turn: no arm is twisted
-FREELY = 1e3  # rad, of the root's turns: they are not smoothed
-LEAST = 4  # points that place a body
-FEWEST = 8  # joints of a skeleton, with which a body is no statue
+LOOSE_SIGMA = 0.025  # m, of joints that each kind of skeleton has in other places
+WIDE_SIGMAS = (0.2, 0.05)  # m, sigmas of a frame by itself in turn: no arm is twisted
+FREE_TURN_SIGMA = 1e3  # rad, of the root's turns: they are not smoothed
+FEWEST_POINTS = 4  # points that place a body
+FEWEST_JOINTS = 8  # joints of a skeleton, with which a body is no statue
 JOINTS, HAND = "joints", "hand"
-Placed = Callable[[cs.MX, cs.MX, cs.MX], Points]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +57,12 @@ def point_sets(body: Body) -> dict[str, tuple[str, ...]]:
 
     They are its joints, its landmark sets, and the 21 points of a `hand` if it is one.
     """
-    found = {JOINTS: tuple(body.joint_names)}
-    found |= {name: of.names for name, of in body.landmarks.items()}
+    sets = {JOINTS: tuple(body.joint_names)}
+    sets |= {name: of.names for name, of in body.landmarks.items()}
     tips = body.landmarks[TIPS].names if TIPS in body.landmarks else ()
     if {*HAND_POINTS} <= {*body.joint_names, *tips}:
-        found[HAND] = HAND_POINTS
-    return found
+        sets[HAND] = HAND_POINTS
+    return sets
 
 
 def motion_from_points(
@@ -103,30 +102,29 @@ def _from_places(
     together: bool,
 ) -> PointFit:
     """`motion_from_points`, whose frames are smoothed together or stay as they were found."""
-    given = reals("the observed points", observed)
+    points = reals("the observed points", observed)
     labels = tuple(map(str, names))
-    if given.ndim != 3 or given.shape[1:] != (len(labels), 3):
+    if points.ndim != 3 or points.shape[1:] != (len(labels), 3):
         raise BadArgument(
             f"points with {len(labels)} names have the shape (T, {len(labels)}, 3), not "
-            f"{given.shape}"
+            f"{points.shape}"
         )
     if not 0 < sigma < np.inf:
         raise BadArgument(f"sigma is a standard deviation in m, above 0, not {sigma:g}")
-    kind, found, loose, notes = _matched(labels, body, kind)
+    kind, columns, loose, notes = _matched(labels, body, kind)
     own = point_sets(body)[kind]
-    places = np.full((len(given), len(own), 3), np.nan)
+    places = np.full((len(points), len(own), 3), np.nan)
     for i, name in enumerate(own):
-        if name in found:
-            places[:, i] = given[:, found[name]]
+        if name in columns:
+            places[:, i] = points[:, columns[name]]
     seen: Mask = np.asarray(np.isfinite(places).all(axis=2))
-    usable = np.flatnonzero(seen.sum(axis=1) >= LEAST)
+    usable = np.flatnonzero(seen.sum(axis=1) >= FEWEST_POINTS)
     if not len(usable):
-        raise BadArgument(f"no frame shows {LEAST} of the points {some_of(own)}")
-    counts = [(sigma / LOOSE) ** 2 if loose and is_elsewhere(name) else 1.0 for name in own]
-    pose, betas, trans = (block.symbol for block in body.blocks())
+        raise BadArgument(f"no frame shows {FEWEST_POINTS} of the points {some_of(own)}")
+    counts = [(sigma / LOOSE_SIGMA) ** 2 if loose and is_elsewhere(name) else 1.0 for name in own]
     tracker = PointTracker(
         body,
-        _points(body, kind)(pose, betas, trans),
+        _symbolic_points(body, kind),
         places[usable],
         np.minimum(counts, 1.0),
         sigma,
@@ -134,25 +132,25 @@ def _from_places(
         lambda t, before: [
             placed_by_points(body, kind, places[usable[t]]) if before is None else before
         ],
-        WIDE,
+        WIDE_SIGMAS,
     )
     shape = tracker.shape(np.zeros(body.n_betas), progress)
-    turned, where = _spread(tracker.poses(shape, progress), usable, len(given), body)
-    turned, lines, filled = without_gaps(turned, {"trans": where})
+    pose, trans = _spread(tracker.poses(shape, progress), usable, len(points), body)
+    pose, lines, filled = without_gaps(pose, {"trans": trans})
     whole = slice(int(usable[0]), int(usable[-1]) + 1)
-    where = lines["trans"]
-    if together and len(turned) > 2:
+    trans = lines["trans"]
+    if together and len(pose) > 2:
         tracker = replace(tracker, observed=places[whole])
-        turned, shape, where = _smoothed(tracker, turned, shape, where, fps, progress)
+        pose, shape, trans = _smoothed(tracker, pose, shape, trans, fps, progress)
     motion = Motion(
-        turned, where, fps, tuple(body.joint_names), shape, origin="points", notes=(*notes, *filled)
+        pose, trans, fps, tuple(body.joint_names), shape, origin="points", notes=(*notes, *filled)
     )
-    at = body_points(body, kind, turned, shape, where)
+    own_points = body_points(body, kind, pose, shape, trans)
     errors = np.full(places.shape[:2], np.nan)
-    errors[whole] = np.linalg.norm(at - places[whole], axis=2)
+    errors[whole] = np.linalg.norm(own_points - places[whole], axis=2)
     shown = [i for i in range(len(own)) if seen[:, i].any()]
-    called = tuple(labels[found[own[i]]] for i in shown)
-    return PointFit(motion, tuple(own[i] for i in shown), errors[:, shown], called)
+    observed_labels = tuple(labels[columns[own[i]]] for i in shown)
+    return PointFit(motion, tuple(own[i] for i in shown), errors[:, shown], observed_labels)
 
 
 def motion_from_skeleton(
@@ -176,10 +174,11 @@ def motion_from_skeleton(
     fit = _from_places(
         skeleton.joints(), labels, body, skeleton.fps, None, sigma, progress, together=False
     )
-    if len(fit.names) < FEWEST:
+    if len(fit.names) < FEWEST_JOINTS:
         raise BadArgument(
             f"of the {len(labels)} joints only {some_of(fit.names)} are known, and with fewer than "
-            f"{FEWEST} the body would be a statue; a table of names says which are which (--names)"
+            f"{FEWEST_JOINTS} the body would be a statue; a table of names says which are which "
+            "(--names)"
         )
     assert skeleton.bones is not None  # for it has joints
     theirs = _worlds(skeleton.pose, skeleton.bones.parents)
@@ -200,11 +199,11 @@ def motion_from_skeleton(
 
 def _above(body: Body, joint: str) -> list[str]:
     """The joints between the root and one."""
-    k, found = body.parents[body.joint_names.index(joint)], []
+    k, above = body.parents[body.joint_names.index(joint)], []
     while k >= 0:
-        found.append(body.joint_names[k])
+        above.append(body.joint_names[k])
         k = body.parents[k]
-    return found
+    return above
 
 
 def _worlds(pose: Array, parents: Sequence[int]) -> Array:
@@ -231,20 +230,20 @@ def _smoothed(
     """
     T, names = len(pose), [block.name for block in tracker.body.blocks()]
     sigma = np.full((tracker.body.n_joints, 3), POSE_SIGMA / fps**2)
-    sigma[0] = FREELY
+    sigma[0] = FREE_TURN_SIGMA
     between = [
         smooth(names[0], sigma=sigma, order=2),
         smooth(names[2], sigma=PLACE_SIGMA / fps**2, order=2),
     ]
     together = sequence([tracker.frame] * T, shared=(names[1],), between=between)
     data = [tracker.data(t) for t in range(T)]
-    start = {n: np.array([d[n] for d in data]) for n in data[0]}
+    start = {name: np.array([frame_data[name] for frame_data in data]) for name in data[0]}
     progress("all frames together", 0, 1)
-    found = solved(
-        QUICK, together, {**start, **dict(zip(names, (pose, betas, trans), strict=True))}
+    solution = solved(
+        QUICK_SOLVER, together, {**start, **dict(zip(names, (pose, betas, trans), strict=True))}
     )
     progress("all frames together", 1, 1)
-    found_pose, found_betas, found_trans = (found.values[name] for name in names)
+    found_pose, found_betas, found_trans = (solution.values[name] for name in names)
     return found_pose, found_betas, found_trans
 
 
@@ -252,18 +251,18 @@ def body_points(body: Body, kind: str, pose: Array, betas: Array, trans: Array) 
     """The points (T, L, 3) m of a set of the body in numbers."""
     if kind != HAND:
         return body.landmark(kind, pose, betas, trans)
-    joints, tips = (body.landmark(name, pose, betas, trans) for name in (JOINTS, TIPS))
-    labels = (*body.joint_names, *body.landmarks[TIPS].names)
-    both = np.concatenate([joints, tips], axis=1)
-    return np.asarray(both[:, [labels.index(name) for name in HAND_POINTS]])
+    names = (block.name for block in body.blocks())
+    return points_of(body, dict(zip(names, (pose, betas, trans), strict=True)))
 
 
-def _points(body: Body, kind: str) -> Placed:
+def _symbolic_points(body: Body, kind: str) -> Points:
+    """The same points in symbols of the body's blocks."""
+    symbols = [block.symbol for block in body.blocks()]
     if kind == HAND:
-        return lambda pose, betas, trans: hand_points(body, pose, betas, trans)
+        return hand_points(body, *symbols)
     if kind == JOINTS:
-        return body.joint_points
-    return lambda pose, betas, trans: body.landmark_points(kind, pose, betas, trans)
+        return body.joint_points(*symbols)
+    return body.landmark_points(kind, *symbols)
 
 
 def _matched(
@@ -272,36 +271,38 @@ def _matched(
     """The set of the body's points, which label each of them is, whether by a kind of skeleton
     whose joints are elsewhere, and what is to be said.
     """
-    sets, there = point_sets(body), readings(labels)
+    sets, by_reading = point_sets(body), readings(labels)
     if kind is not None and kind not in sets:
         raise UnknownName("set of points", kind, sets)
     by_set = {}
     for name in sets if kind is None else (kind,):
         spelt = {point: reading(words_of(point))[0] for point in sets[name]}
-        by_set[name] = {point: there[read][0] for point, read in spelt.items() if read in there}
+        by_set[name] = {
+            point: by_reading[read][0] for point, read in spelt.items() if read in by_reading
+        }
     best = max(by_set, key=lambda name: len(by_set[name]))
-    found, loose, what = by_set[best], False, f"{best} of body {body.name!r}"
+    columns, loose, what = by_set[best], False, f"{best} of body {body.name!r}"
     for skeleton in skeletons() if kind is None and JOINTS in sets else ():
-        joints = {j: k for j, k in skeleton.matched(there).items() if j in sets[JOINTS]}
-        if len(joints) >= FEWEST and len(joints) > len(found):
-            best, found, loose = JOINTS, joints, True
+        joints = {j: k for j, k in skeleton.matched(by_reading).items() if j in sets[JOINTS]}
+        if len(joints) >= FEWEST_JOINTS and len(joints) > len(columns):
+            best, columns, loose = JOINTS, joints, True
             what = f"joints of body {body.name!r} by the names of {skeleton.name}"
             if skeleton.signs:
                 break
-    twice = [ks for ks in there.values() if len(ks) > 1 and {*ks} & {*found.values()}]
+    twice = [ks for ks in by_reading.values() if len(ks) > 1 and {*ks} & {*columns.values()}]
     if twice:
         name = " and ".join(labels[k] for k in twice[0])
         raise BadArgument(f"two points are called {name}; each needs its own name")
-    if len(found) < LEAST:
+    if len(columns) < FEWEST_POINTS:
         raise BadArgument(
-            f"of the points {some_of(labels)}, body {body.name!r} has {len(found)} among its "
-            f"{best!r}, and {LEAST} are needed to place it; they are called "
+            f"of the points {some_of(labels)}, body {body.name!r} has {len(columns)} among its "
+            f"{best!r}, and {FEWEST_POINTS} are needed to place it; they are called "
             f"{some_of(sets[best])}; a table of names says which are which (--names)"
         )
-    notes = [f"{len(found)} of {len(labels)} points are {what}"]
-    if lost := [label for k, label in enumerate(labels) if label and k not in found.values()]:
-        notes.append(f"points that are not among them are left out: {some_of(lost)}")
-    return best, found, loose, tuple(notes)
+    notes = [f"{len(columns)} of {len(labels)} points are {what}"]
+    if unused := [label for k, label in enumerate(labels) if label and k not in columns.values()]:
+        notes.append(f"points that are not among them are left out: {some_of(unused)}")
+    return best, columns, loose, tuple(notes)
 
 
 def placed_by_points(body: Body, kind: str, places: Array) -> Values:
@@ -312,10 +313,10 @@ def placed_by_points(body: Body, kind: str, places: Array) -> Values:
     return moved(body, motion.R, motion.t)
 
 
-def _spread(found: Values, usable: Index, count: int, body: Body) -> tuple[Array, Array]:
+def _spread(values: Values, usable: Index, count: int, body: Body) -> tuple[Array, Array]:
     """Pose and trans of all frames, NaN where there are none."""
     pose, _, trans = (block.name for block in body.blocks())
-    moved = np.full((count, body.n_joints, 3), np.nan)
-    where = np.full((count, 3), np.nan)
-    moved[usable], where[usable] = found[pose], found[trans]
-    return moved, where
+    all_pose = np.full((count, body.n_joints, 3), np.nan)
+    all_trans = np.full((count, 3), np.nan)
+    all_pose[usable], all_trans[usable] = values[pose], values[trans]
+    return all_pose, all_trans

@@ -33,7 +33,7 @@ class Cell:
 
 def cells(path: Path, slides: bool = False) -> list[Cell]:
     """The cells of a percent script, its slides only if wanted. Raises BadFile if it has none."""
-    found: list[Cell] = []
+    script_cells: list[Cell] = []
     lines = path.read_text(encoding="utf-8").splitlines()
     marks = [i for i, line in enumerate(lines) if re.match(r"# %%", line)]
     for begin, end in zip(marks, [*marks[1:], len(lines)], strict=True):
@@ -42,16 +42,16 @@ def cells(path: Path, slides: bool = False) -> list[Cell]:
         if prose:
             body = [re.sub(r"^# ?", "", line) for line in body]
         text = "\n".join(body).strip("\n")
-        mark = re.match(r"# %% slide( still)? \[markdown\]", lines[begin])
-        slide = "" if not mark else "still" if mark[1] else "moving"
+        heading = re.match(r"# %% slide( still)? \[markdown\]", lines[begin])
+        slide = "" if not heading else "still" if heading[1] else "moving"
         if text and (slides or not slide):
-            found.append(Cell(prose, text, begin + 2, slide))
-    if not found:
+            script_cells.append(Cell(prose, text, begin + 2, slide))
+    if not script_cells:
         raise BadFile(f"{path} has no cells; begin them with `# %%` or `# %% [markdown]`")
-    return found
+    return script_cells
 
 
-def carried_out(
+def run_cells(
     path: Path,
     before: Callable[[Cell], None] = lambda cell: None,
     names: dict[str, Any] | None = None,
@@ -70,17 +70,17 @@ def carried_out(
         before(cell)
         if cell.prose:
             fields = {**names, "printed": output.numbers}
-            text = filled(cell.text, fields, path, cell.line)
+            text = fill_fields(cell.text, fields, path, cell.line)
             if slides or not cell.slide:
                 yield replace(cell, text=text), None, ""
         else:
             output.shown, printed = sys.stdout, len(output.getvalue())
             with redirect_stdout(output):
-                value = value_of(cell, names, path)
+                value = run_cell(cell, names, path)
             yield cell, value, output.getvalue()[printed:]
 
 
-def filled(text: str, names: dict[str, Any], path: Path, line: int = 1) -> str:
+def fill_fields(text: str, names: dict[str, Any], path: Path, line: int = 1) -> str:
     """Prose with the values of its fields. Raises BadFile, which names the field and its line."""
 
     newline = "\n"
@@ -114,7 +114,7 @@ class _Output(StringIO):
 
     def numbers(self, *words: str) -> list[float]:
         """The numbers in the last printed line that holds all of these words."""
-        lines = [one for one in self.getvalue().splitlines() if all(w in one for w in words)]
+        lines = [line for line in self.getvalue().splitlines() if all(w in line for w in words)]
         if not lines:
             raise LookupError(f"no printed line holds {words}")
         return [float(number.replace(",", "")) for number in NUMBER.findall(lines[-1])]
@@ -123,7 +123,7 @@ class _Output(StringIO):
 NUMBER = re.compile(r"(?<![\w.^-])[-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w^])")
 
 
-def value_of(cell: Cell, names: dict[str, Any], path: Path) -> Any:
+def run_cell(cell: Cell, names: dict[str, Any], path: Path) -> Any:
     """Run a cell. Returns the value of its last line, if that is an expression, else None."""
     tree = ast.parse("\n" * (cell.line - 1) + cell.text, str(path))
     last = tree.body[-1] if tree.body else None
@@ -138,7 +138,7 @@ DRAWS = "with house_style():"
 FOLDED = {"tags": ["hide-input"], "jupyter": {"source_hidden": True}}  # MyST-NB; JupyterLab
 
 
-def apart(code: str) -> tuple[str, str]:
+def split_at_drawing(code: str) -> tuple[str, str]:
     """The code of a cell up to where it begins to draw, and from there on; either may be empty.
 
     A lecture draws from the first statement `with house_style():` to the end of the cell.
@@ -155,4 +155,4 @@ def apart(code: str) -> tuple[str, str]:
 
 def only_imports(code: str) -> bool:
     """Whether a cell does nothing but import names."""
-    return all(isinstance(one, ast.Import | ast.ImportFrom) for one in ast.parse(code).body)
+    return all(isinstance(node, ast.Import | ast.ImportFrom) for node in ast.parse(code).body)

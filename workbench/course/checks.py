@@ -52,10 +52,10 @@ class Missed(Exception):
 def check(exercise: str, points: int = 1) -> Callable[[Callable[[Answer], None]], Check]:
     """Make a function a check of an answer, named by the first line of its docstring."""
 
-    def made(run: Callable[[Answer], None]) -> Check:
+    def make(run: Callable[[Answer], None]) -> Check:
         return Check(exercise, points, (run.__doc__ or run.__name__).splitlines()[0], run)
 
-    return made
+    return make
 
 
 def mistake(exercise: str, hint: str) -> Callable[[Answer], Mistake]:
@@ -65,12 +65,12 @@ def mistake(exercise: str, hint: str) -> Callable[[Answer], Mistake]:
 
 def checks_in(module: ModuleType) -> tuple[Check, ...]:
     """The checks of a module, in the order in which they are written."""
-    return tuple(found for found in vars(module).values() if isinstance(found, Check))
+    return tuple(value for value in vars(module).values() if isinstance(value, Check))
 
 
 def mistakes_in(module: ModuleType) -> tuple[Mistake, ...]:
     """The known mistakes of a module, in the order in which they are written."""
-    return tuple(found for found in vars(module).values() if isinstance(found, Mistake))
+    return tuple(value for value in vars(module).values() if isinstance(value, Mistake))
 
 
 def equal(came: ArrayLike, expected: ArrayLike, what: str, within: float = 1e-9) -> None:
@@ -105,7 +105,7 @@ def holds(condition: object, what: str, expected: object = "", came: object = ""
 
 
 NUMERIC = (bool, int, float, np.ndarray, np.number, np.bool_)
-REAL = 1e-9  # how large rounding leaves imaginary parts, as a share of real ones
+IMAGINARY_ROUNDING = 1e-9  # how large rounding leaves imaginary parts, as a share of real ones
 
 
 @dataclass(frozen=True)
@@ -169,63 +169,65 @@ def copied(value: Any) -> Any:
     return copy.copy(value) if isinstance(value, set) else value
 
 
-def formed(came: Any, model: Any, what: str) -> Any:
+def formed(answer: Any, model: Any, what: str) -> Any:
     """An answer in the form of the solution's `model`: arrays of its shape, finite where it is.
 
     A list of numbers may stand for an array. A list may have any length, a tuple that of the
     model. Raises Missed with what was expected and what came.
     """
-    if came is None and model is not None:
+    if answer is None and model is not None:
         raise Missed(what, kind(model), "None: is a `return` missing?")
     if isinstance(model, NUMERIC):
-        return _numbers(came, model, what)
+        return _numbers(answer, model, what)
     if isinstance(model, tuple | list):
-        fits = isinstance(came, tuple | list) or (isinstance(came, np.ndarray) and came.ndim)
-        if not fits or (isinstance(model, tuple) and len(came) != len(model)):
-            raise Missed(what, kind(model), kind(came))
+        fits = isinstance(answer, tuple | list) or (isinstance(answer, np.ndarray) and answer.ndim)
+        if not fits or (isinstance(model, tuple) and len(answer) != len(model)):
+            raise Missed(what, kind(model), kind(answer))
         models = (
-            model if isinstance(model, tuple) else [model[0] if model else part for part in came]
+            model if isinstance(model, tuple) else [model[0] if model else part for part in answer]
         )
         return type(model)(
             formed(part, like, f"{what}[{i}]")
-            for i, (part, like) in enumerate(zip(came, models, strict=True))
+            for i, (part, like) in enumerate(zip(answer, models, strict=True))
         )
     if isinstance(model, dict):
-        if not isinstance(came, dict) or came.keys() != model.keys():
-            names = sorted(map(str, came)) if isinstance(came, dict) else kind(came)
+        if not isinstance(answer, dict) or answer.keys() != model.keys():
+            names = sorted(map(str, answer)) if isinstance(answer, dict) else kind(answer)
             raise Missed(what, f"a dict of {', '.join(sorted(map(str, model)))}", str(names))
-        return {key: formed(came[key], model[key], f"{what}[{key!r}]") for key in model}
-    if not isinstance(came, type(model)):
-        raise Missed(what, kind(model), kind(came))
-    return came
+        return {key: formed(answer[key], model[key], f"{what}[{key!r}]") for key in model}
+    if not isinstance(answer, type(model)):
+        raise Missed(what, kind(model), kind(answer))
+    return answer
 
 
-def _numbers(came: Any, model: Any, what: str) -> Any:
-    wanted = np.asarray(model)
+def _numbers(answer: Any, model: Any, what: str) -> Any:
+    expected = np.asarray(model)
     try:
-        if isinstance(came, str | dict | Described):
+        if isinstance(answer, str | dict | Described):
             raise TypeError
-        found = np.asarray(came)
-        if np.iscomplexobj(found):  # as roots of real matrices are: real but for rounding
-            if np.abs(found.imag).max(initial=0) > REAL * max(1, np.abs(found.real).max(initial=0)):
+        numbers = np.asarray(answer)
+        if np.iscomplexobj(numbers):  # as roots of real matrices are: real but for rounding
+            if np.abs(numbers.imag).max(initial=0) > IMAGINARY_ROUNDING * max(
+                1, np.abs(numbers.real).max(initial=0)
+            ):
                 raise TypeError
-            found = found.real
-        found = np.asarray(found, dtype=float)
+            numbers = numbers.real
+        numbers = np.asarray(numbers, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:  # not numbers, or not an array of them
-        raise Missed(what, kind(wanted), f"{kind(came)}: {in_words(came)}") from error
-    if wanted.ndim == 0 and found.size == 1:
-        found = found.reshape(())
-    if found.shape != wanted.shape:
-        raise Missed(what, kind(wanted), kind(found))
-    bad = ~np.isfinite(found) & np.isfinite(wanted.astype(float))
+        raise Missed(what, kind(expected), f"{kind(answer)}: {in_words(answer)}") from error
+    if expected.ndim == 0 and numbers.size == 1:
+        numbers = numbers.reshape(())
+    if numbers.shape != expected.shape:
+        raise Missed(what, kind(expected), kind(numbers))
+    bad = ~np.isfinite(numbers) & np.isfinite(expected.astype(float))
     if bad.any():
-        where = "" if wanted.ndim == 0 else f" at {list(map(int, np.argwhere(bad)[0]))}"
-        raise Missed(what, "finite numbers", f"{found[bad][0]}{where}")
-    if wanted.ndim:
-        return found
-    if isinstance(model, bool | int | np.integer) and float(found).is_integer():
-        return type(model)(found)
-    return float(found)
+        where = "" if expected.ndim == 0 else f" at {list(map(int, np.argwhere(bad)[0]))}"
+        raise Missed(what, "finite numbers", f"{numbers[bad][0]}{where}")
+    if expected.ndim:
+        return numbers
+    if isinstance(model, bool | int | np.integer) and float(numbers).is_integer():
+        return type(model)(numbers)
+    return float(numbers)
 
 
 def same(a: Any, b: Any, within: float) -> bool:
@@ -236,20 +238,18 @@ def same(a: Any, b: Any, within: float) -> bool:
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(same(a[key], b[key], within) for key in a)
     try:
-        x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+        left, right = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     except Exception:  # no numbers: see above
         if isinstance(a, tuple | list) and isinstance(b, tuple | list):
-            return len(a) == len(b) and all(
-                same(one, other, within) for one, other in zip(a, b, strict=True)
-            )
+            return len(a) == len(b) and all(same(x, y, within) for x, y in zip(a, b, strict=True))
         return isinstance(a, str) and isinstance(b, str) and a == b
-    if x.shape != y.shape:
+    if left.shape != right.shape:
         return False
-    scale = np.abs(y[np.isfinite(y)]).max(initial=1e-3)
-    return np.allclose(x, y, rtol=within, atol=within * scale, equal_nan=True)
+    scale = np.abs(right[np.isfinite(right)]).max(initial=1e-3)
+    return np.allclose(left, right, rtol=within, atol=within * scale, equal_nan=True)
 
 
-LONGEST = 300  # characters of a value
+LONGEST_VALUE = 300  # characters of a value
 LONGEST_TEXT = 1000  # characters of any other text from the process of a student's file
 
 
@@ -306,7 +306,7 @@ def kind(value: Any) -> str:
     return f"a {type(value).__name__}"
 
 
-def cut(text: str, longest: int = LONGEST) -> str:
+def cut(text: str, longest: int = LONGEST_VALUE) -> str:
     """The text, or the beginning of one that is too long."""
     return text if len(text) <= longest else text[:longest] + " ..."
 

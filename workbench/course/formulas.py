@@ -47,14 +47,14 @@ RULES: tuple[tuple[str, Callable[..., str]], ...] = (  # a command, and its lett
     (r"\\[td]?frac" + 2 * ARGUMENT, lambda a, b: _fraction(a, b)),
     (r"\\binom" + 2 * ARGUMENT, lambda a, b: f"({a} over {b})"),
     (r"\\sqrt" + ARGUMENT, lambda a: "√" + _whole(a)),
-    (r"\\mathcal" + ARGUMENT, lambda a: "".join(CALLIGRAPHIC.get(one, one) for one in a)),
+    (r"\\mathcal" + ARGUMENT, lambda a: "".join(CALLIGRAPHIC.get(letter, letter) for letter in a)),
     (r"\\(?:text|math\w+|operatorname|boldsymbol|underbrace)" + ARGUMENT, lambda a: a),
     *(
         (rf"\\{name}" + ARGUMENT, lambda a, accent=accent: a[:1] + accent + a[1:])
         for name, accent in ACCENTS.items()
     ),
-    (r"\^" + ARGUMENT, lambda a: _script("❛", a, SUPERSCRIPTS)),
-    (r"_" + ARGUMENT, lambda a: _script("❟", a, SUBSCRIPTS)),
+    (r"\^" + ARGUMENT, lambda a: _raised_or_lowered("❛", a, SUPERSCRIPTS)),
+    (r"_" + ARGUMENT, lambda a: _raised_or_lowered("❟", a, SUBSCRIPTS)),
 )
 
 
@@ -75,9 +75,9 @@ def in_letters(formula: str) -> str:
     return "\n".join(re.sub(r" ([,.;:])(?=\s|$)", r"\1", line) for line in tidy)
 
 
-def _written(letters: Callable[..., str], found: re.Match[str]) -> str:
-    given = found.groups(default="")
-    return letters(*(a or b for a, b in zip(given[::2], given[1::2], strict=True)))
+def _written(letters: Callable[..., str], match: re.Match[str]) -> str:
+    groups = match.groups(default="")
+    return letters(*(a or b for a, b in zip(groups[::2], groups[1::2], strict=True)))
 
 
 def _fraction(above: str, below: str) -> str:
@@ -88,10 +88,10 @@ def _fraction(above: str, below: str) -> str:
 
 def _whole(text: str) -> str:
     """In brackets, unless it can be read as one thing without them."""
-    one = re.fullmatch(r"(?!\d+[^\W\d])[^\s+−=·×/]*|\([^()]*\)|‖[^‖]*‖[²₂]*", text)
-    return text if one else f"({text})"
+    readable = re.fullmatch(r"(?!\d+[^\W\d])[^\s+−=·×/]*|\([^()]*\)|‖[^‖]*‖[²₂]*", text)
+    return text if readable else f"({text})"
 
 
-def _script(sign: str, text: str, letters: dict[str, str]) -> str:
+def _raised_or_lowered(sign: str, text: str, letters: dict[str, str]) -> str:
     small = [letters.get("-" if letter == "−" else letter, "") for letter in text]
     return "".join(small) if all(small) else sign + (text if len(text) == 1 else f"({text})")

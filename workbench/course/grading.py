@@ -26,7 +26,7 @@ from workbench.course.plain import answered, received
 from workbench.errors import UnknownName
 
 Function = Callable[..., Any]
-TO_ALL_DIGITS, TO_SIX = 1e-10, 1e-6
+ALL_DIGITS, SIX_DIGITS = 1e-10, 1e-6
 Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
 
 
@@ -57,7 +57,7 @@ class CheckResult:
         return self.of if self.state is CheckState.PASSED else 0
 
     @property
-    def told(self) -> list[tuple[str, str]]:
+    def explanations(self) -> list[tuple[str, str]]:
         """What was missed, expected and returned, and the likeliest mistake: titles and texts."""
         every = ("", self.what), ("expected", self.expected), ("returned", self.came)
         return [(title, text) for title, text in (*every, ("perhaps", self.hint)) if text]
@@ -146,15 +146,15 @@ class RecordedCalls:
 
     def __call__(self, *arguments: Any) -> Any:
         """Ask for an answer. Raises Unanswered or Missed."""
-        kept = copied(arguments)
-        came = received(answered(self.answer, arguments))
-        self.calls.append((kept, came))
+        arguments_before = copied(arguments)
+        value = received(answered(self.answer, arguments))
+        self.calls.append((arguments_before, value))
         what = f"{self.solution.__name__}({', '.join(map(_short, arguments))})"
-        if isinstance(came, Raised):
-            if came.unsolved:
-                raise Unanswered(came.message)
-            raise Missed(what, "an answer", came.message)
-        return formed(came, self.solution(*copied(arguments)), what)
+        if isinstance(value, Raised):
+            if value.unsolved:
+                raise Unanswered(value.message)
+            raise Missed(what, "an answer", value.message)
+        return formed(value, self.solution(*copied(arguments)), what)
 
 
 def grade_exercise(lecture: Lecture, exercise: str, answer: Any) -> list[CheckResult]:
@@ -167,14 +167,14 @@ def grade_exercise(lecture: Lecture, exercise: str, answer: Any) -> list[CheckRe
     results, parts = [], []
     for check in checks:
         before = len(calls.calls)
-        results.append(_tried(check, calls))
+        results.append(_run_check(check, calls))
         parts.append(calls.calls[before:])
     mistakes = [m for m in lecture.mistakes if m.exercise == exercise]
     return [
-        replace(one, hint=_likeliest(mistakes, calls.calls, part))
-        if one.state is CheckState.FAILED
-        else one
-        for one, part in zip(results, parts, strict=True)
+        replace(result, hint=_likeliest(mistakes, calls.calls, part))
+        if result.state is CheckState.FAILED
+        else result
+        for result, part in zip(results, parts, strict=True)
     ]
 
 
@@ -183,23 +183,23 @@ def unfit(exercise: str, answer: Any, parameters: Sequence[str]) -> tuple[str, s
 
     The texts say what is wrong, what was expected, and what there is.
     """
-    wanted = f"{exercise}({', '.join(parameters)})"
+    signature = f"{exercise}({', '.join(parameters)})"
     if answer is None:
-        return "the function", f"a function {wanted}", "no such name in the file"
+        return "the function", f"a function {signature}", "no such name in the file"
     if not callable(answer):
-        return "the function", f"a function {wanted}", f"a {type(answer).__name__}"
+        return "the function", f"a function {signature}", f"a {type(answer).__name__}"
     try:
-        theirs = inspect.signature(answer)
+        own_signature = inspect.signature(answer)
     except (TypeError, ValueError):  # some built-ins have none
         return None
     try:
-        theirs.bind(*parameters)
+        own_signature.bind(*parameters)
     except TypeError:
-        return "the signature must stay as it was", wanted, f"{exercise}{theirs}"
+        return "the signature must stay as it was", signature, f"{exercise}{own_signature}"
     return None
 
 
-def _tried(check: Check, calls: RecordedCalls) -> CheckResult:
+def _run_check(check: Check, calls: RecordedCalls) -> CheckResult:
     try:
         check.run(calls)
     except Unanswered as unsolved:
@@ -231,16 +231,16 @@ def _likeliest(mistakes: list[Mistake], calls: list[Call], part: list[Call]) -> 
 
     If there is none, it is the hint of the only mistake with the same answers in this check.
     """
-    for within in (TO_ALL_DIGITS, TO_SIX):
-        if every := [one.hint for one in mistakes if _explains(one, calls, within)]:
-            return every[0]
-    here = [one.hint for one in mistakes if _explains(one, part, TO_SIX)]
-    return here[0] if len(here) == 1 else ""
+    for within in (ALL_DIGITS, SIX_DIGITS):
+        if hints := [mistake.hint for mistake in mistakes if _explains(mistake, calls, within)]:
+            return hints[0]
+    hints = [mistake.hint for mistake in mistakes if _explains(mistake, part, SIX_DIGITS)]
+    return hints[0] if len(hints) == 1 else ""
 
 
-def _explains(one: Mistake, calls: list[Call], within: float) -> bool:
+def _explains(mistake: Mistake, calls: list[Call], within: float) -> bool:
     return bool(calls) and all(
-        same(came, outcome(one.answer, given), within) for given, came in calls
+        same(value, outcome(mistake.answer, arguments), within) for arguments, value in calls
     )
 
 
@@ -255,13 +255,13 @@ def check_here(number: int, answer: Callable[..., Any]) -> None:
     The exercise is the one with the name of the function, which is defined in a notebook, say.
     Raises UnknownName if there is none.
     """
-    one, name = lecture_of(number), getattr(answer, "__name__", "")
-    if name not in one.exercises:
-        raise UnknownName(f"exercise of lecture {number}", name, one.exercises)
-    results = grade_exercise(one, name, answer)
+    lecture, name = lecture_of(number), getattr(answer, "__name__", "")
+    if name not in lecture.exercises:
+        raise UnknownName(f"exercise of lecture {number}", name, lecture.exercises)
+    results = grade_exercise(lecture, name, answer)
     for result in results:
         print(f"{result.state.value}: {result.check}")
-        for title, text in result.told:
+        for title, text in result.explanations:
             lead = f"{title} " if title else ""
             print(f"    {lead}" + text.replace("\n", "\n    " + " " * len(lead)))
     print(f"{sum(r.points for r in results)} of {sum(r.of for r in results)} points")

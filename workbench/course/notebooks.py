@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.cells import FOLDED, Cell, apart, carried_out, only_imports, value_of
+from workbench.course.cells import FOLDED, Cell, only_imports, run_cell, run_cells, split_at_drawing
 from workbench.course.outline import Lecture
 from workbench.diagnostics.words import counted
 from workbench.environment import pip_install
@@ -49,16 +49,19 @@ def notebook(lecture: Lecture) -> Notebook:
     Raises CellFailed if the lecture stops with an error.
     """
     names: dict[str, Any] = {}
-    made: list[dict[str, Any]] = []
+    cells: list[dict[str, Any]] = []
     try:
         with redirect_stdout(StringIO()):
-            for cell, value, printed in carried_out(lecture.folder / "lecture.py", names=names):
-                made += [prose_cell(cell.text)] if cell.prose else _parts(cell.text, value, printed)
-            made += _exercise_cells(lecture, names)
+            for cell, value, printed in run_cells(lecture.folder / "lecture.py", names=names):
+                if cell.prose:
+                    cells.append(prose_cell(cell.text))
+                else:
+                    cells += _parts(cell.text, value, printed)
+            cells += _exercise_cells(lecture, names)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise CellFailed(f"lecture {lecture.number} stops: {reason}") from error
-    return as_notebook(made)
+    return as_notebook(cells)
 
 
 def as_notebook(cells: list[dict[str, Any]]) -> Notebook:
@@ -93,15 +96,15 @@ def code_cell(
     }
 
 
-def without_results(made: Notebook) -> Notebook:
+def without_results(book: Notebook) -> Notebook:
     """The same, as if no cell had been run."""
-    cells = [one | ({"outputs": []} if "outputs" in one else {}) for one in made["cells"]]
-    return made | {"cells": cells}
+    cells = [cell | ({"outputs": []} if "outputs" in cell else {}) for cell in book["cells"]]
+    return book | {"cells": cells}
 
 
 def _parts(code: str, value: Any, printed: str) -> list[dict[str, Any]]:
     """A cell of code; if it ends in a figure, what it computes and, folded, what it draws."""
-    computing, drawing = apart(code)
+    computing, drawing = split_at_drawing(code)
     if not drawing:
         return [code_cell(code, FOLDED if only_imports(code) else {}, value, printed)]
     drawn = code_cell(drawing, FOLDED, value, "" if computing else printed)
@@ -110,36 +113,36 @@ def _parts(code: str, value: Any, printed: str) -> list[dict[str, Any]]:
 
 def _exercise_cells(lecture: Lecture, names: dict[str, Any]) -> list[dict[str, Any]]:
     """The section of exercises: an introduction, then three cells for each of them."""
-    here, given = f"{lecture.folder_name}.py", lecture.module("exercises")
+    file, exercises = f"{lecture.folder_name}.py", lecture.module("exercises")
     introduction = (
         "## Exercises\n\n"
         "Write each answer into its cell, in place of the line that raises `Unsolved`; the cell "
         "below checks it, and says what is likely to be wrong. To hand in a file, "
-        f"`workbench lecture start {lecture.number} .` puts `{here}` here, and "
-        f"`workbench lecture check {lecture.number} {here}` grades it."
+        f"`workbench lecture start {lecture.number} .` puts `{file}` here, and "
+        f"`workbench lecture check {lecture.number} {file}` grades it."
     )
-    made = [prose_cell(introduction), _ran(_given(lecture), [], names)]
+    cells = [prose_cell(introduction), _run_code(_file_head(lecture), [], names)]
     for k, name in enumerate(lecture.exercises, 1):
-        function = getattr(given, name)
+        function = getattr(exercises, name)
         points = sum(check.points for check in lecture.checks if check.exercise == name)
         minutes = f", about {known} minutes" if (known := lecture.minutes_for(name)) else ""
         arguments = ", ".join(inspect.signature(function).parameters)
         title = f"### {lecture.number}.{k} `{name}({arguments})`"
-        made += [
+        cells += [
             prose_cell(f"{title}\n\n{counted(points, 'point')}{minutes}"),
-            _ran(inspect.getsource(function).rstrip(), ["answer"], names),
-            _ran(f"check_here({lecture.number}, {name})", ["check"], names),
+            _run_code(inspect.getsource(function).rstrip(), ["answer"], names),
+            _run_code(f"check_here({lecture.number}, {name})", ["check"], names),
         ]
-    return made
+    return cells
 
 
-def _ran(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:
+def _run_code(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:
     with redirect_stdout(StringIO()) as printed:
-        value_of(Cell(False, code, 1), names, Path("exercises.py"))
+        run_cell(Cell(False, code, 1), names, Path("exercises.py"))
     return code_cell(code, {"tags": tags} if tags else {}, None, printed.getvalue())
 
 
-def _given(lecture: Lecture) -> str:
+def _file_head(lecture: Lecture) -> str:
     """What stands above the exercises in their file: imports, and constants."""
     text = inspect.getsource(lecture.module("exercises"))
     body = ast.parse(text).body

@@ -34,7 +34,7 @@ class Lecture:
     place: Path | None = None  # the folder of its files, if it is not part of the course
 
     @property
-    def asked(self) -> str:
+    def argument(self) -> str:
         """What commands take for it: its number, or the folder of one that is not in the course."""
         return str(self.number if self.place is None else self.place)
 
@@ -80,8 +80,8 @@ class Lecture:
 
     def solution(self, exercise: str) -> Callable[..., Any]:
         """The solution of an exercise."""
-        found: Callable[..., Any] = getattr(self.solutions, exercise)
-        return found
+        function: Callable[..., Any] = getattr(self.solutions, exercise)
+        return function
 
     def module(self, name: str) -> ModuleType:
         """Import `exercises`, `solutions` or `checks`. (To import `lecture` would run it.)"""
@@ -102,16 +102,16 @@ def root() -> Path:
 def course() -> tuple[Lecture, ...]:
     """All lectures of the outline. Raises BadFile where the installation has none."""
     root()
-    found: tuple[Lecture, ...] = import_module(f"{LECTURES}.outline").COURSE
-    return found
+    lectures: tuple[Lecture, ...] = import_module(f"{LECTURES}.outline").COURSE
+    return lectures
 
 
 def lecture(number: int) -> Lecture:
     """The lecture of that number. Raises UnknownName."""
-    lectures = {one.number: one for one in course()}
+    lectures = {entry.number: entry for entry in course()}
     if number not in lectures:
-        there = ", ".join(map(str, lectures))
-        hint = f"{there}; `workbench lecture list` names them"
+        numbers = ", ".join(map(str, lectures))
+        hint = f"{numbers}; `workbench lecture list` names them"
         raise UnknownName("lecture", str(number), hint=hint)
     return lectures[number]
 
@@ -155,14 +155,14 @@ def own_lecture(folder: str | Path) -> Lecture:
     known = sys.modules.setdefault(name, _package(name, place))
     if Path(known.__path__[0]) != place:
         raise BadFile(f"{folder} and {known.__path__[0]} have the same name; rename one of them")
-    found = getattr(import_module(f"{name}.{OUTLINE.removesuffix('.py')}"), "LECTURE", None)
-    if not isinstance(found, Lecture) or found.folder_name != place.name:
-        called = found.folder_name if isinstance(found, Lecture) else "no Lecture"
+    lecture = getattr(import_module(f"{name}.{OUTLINE.removesuffix('.py')}"), "LECTURE", None)
+    if not isinstance(lecture, Lecture) or lecture.folder_name != place.name:
+        called = lecture.folder_name if isinstance(lecture, Lecture) else "no Lecture"
         raise BadFile(
             f"{place.name}/{OUTLINE} must define LECTURE, a Lecture whose number and name are "
             f"those in the name of its folder; it defines {called}"
         )
-    return replace(found, place=Path(folder))
+    return replace(lecture, place=Path(folder))
 
 
 def _package(name: str, place: Path) -> ModuleType:

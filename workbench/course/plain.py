@@ -106,13 +106,13 @@ def _decoded_array(kind: str, shape: list[Any], text: str) -> np.ndarray:
 
 def answered(answer: Callable[..., Any], arguments: tuple[Any, ...]) -> dict[str, Any]:
     """A function's answer: {"value": encoded}, or {"raised": [class, message, unsolved]}."""
-    found = outcome(answer, arguments)
-    if not isinstance(found, Raised):
+    value = outcome(answer, arguments)
+    if not isinstance(value, Raised):
         try:
-            return {"value": encode(found)}
+            return {"value": encode(value)}
         except Exception as error:  # of a type of the student's own, when it is looked at
-            found = raised(error)
-    return {"raised": [found.kind, found.message, found.unsolved]}
+            value = raised(error)
+    return {"raised": [value.kind, value.message, value.unsolved]}
 
 
 def received(answer: object) -> Any:

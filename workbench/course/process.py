@@ -28,9 +28,9 @@ from workbench.course.plain import answered, decode
 from workbench.errors import BadArgument, BadFile
 from workbench.processes import Channel, Started, TooLong, end_with_parent, signal_name
 
-STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
-LARGEST = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
-KEPT = 400  # characters of what was printed
+START_SECONDS = 120.0  # s, for Python to start and import the workbench on a slow machine
+LARGEST_MESSAGE = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
+LONGEST_PRINTED = 400  # characters of what was printed
 NO_ANSWER = "its process sent what is no answer"
 
 
@@ -73,12 +73,14 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
     path = Path(path)
     if not path.is_file():
         raise BadFile(
-            f"there is no file {path}; `workbench lecture start {lecture.asked} FOLDER` makes one"
+            f"there is no file {path}; `workbench lecture start {lecture.argument} FOLDER` makes it"
         )
-    about = {"lecture": lecture.asked if lecture.place is None else str(lecture.place.resolve())}
+    about = {"lecture": lecture.argument if lecture.place is None else str(lecture.place.resolve())}
     sent = ask(path, about, {name: {} for name in lecture.exercises}, limits or ProcessLimits())
     results = [
-        one for name in lecture.exercises for one in _results(lecture, name, sent.exercises[name])
+        result
+        for name in lecture.exercises
+        for result in _results(lecture, name, sent.exercises[name])
     ]
     return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed)
 
@@ -107,28 +109,28 @@ def ask(
     `about` is what the process is told beside the exercises, of which each name has its data.
     Where it ends, or is ended, a new one goes on with the exercises that are left.
     """
-    found = Sent()
-    while left := {name: data for name, data in exercises.items() if name not in found.exercises}:
+    sent = Sent()
+    while left := {name: data for name, data in exercises.items() if name not in sent.exercises}:
         job = {"file": str(file.resolve()), "memory": limits.memory, **about, "exercises": left}
         with _Child(job) as child:
             try:
-                found.printed[""] = _loaded(child, limits.seconds)
+                sent.printed[""] = _loaded(child, limits.seconds)
             except ProcessEnded as ended:
-                again = " again" if found.exercises else ""
-                found.trouble = "" if again else str(ended)
+                again = " again" if sent.exercises else ""
+                sent.trouble = "" if again else str(ended)
                 why = f"the file could not be loaded{again}: {ended}"
-                found.exercises |= dict.fromkeys(left, why)
+                sent.exercises |= dict.fromkeys(left, why)
                 break
             for name in left:
                 try:
-                    sent = child.receive(limits.seconds)
+                    message = child.receive(limits.seconds)
                 except ProcessEnded as ended:
-                    found.exercises[name] = str(ended)
+                    sent.exercises[name] = str(ended)
                     break
-                found.exercises[name] = sent
-                found.printed[name] = legible(str(sent.get("printed", "")))
-    found.printed = {name: text for name, text in found.printed.items() if text}
-    return found
+                sent.exercises[name] = message
+                sent.printed[name] = legible(str(message.get("printed", "")))
+    sent.printed = {name: text for name, text in sent.printed.items() if text}
+    return sent
 
 
 def _loaded(child: "_Child", seconds: float) -> str:
@@ -137,7 +139,7 @@ def _loaded(child: "_Child", seconds: float) -> str:
     Raises BadFile if the process did not start, and ProcessEnded if the file could not be loaded.
     """
     try:
-        child.receive(STARTING)
+        child.receive(START_SECONDS)
     except ProcessEnded as ended:
         raise BadFile(f"the process that answers did not start: {ended}") from ended
     match child.receive(seconds):
@@ -156,7 +158,7 @@ class _Child:
         self._process = Started(["-P", "-m", __name__], environment(), folder)
         self._channel = Channel(self._process.connection)
         with suppress(OSError):  # it has ended already, which `_loaded` tells
-            self._channel.send(json.dumps(job).encode(), STARTING)
+            self._channel.send(json.dumps(job).encode(), START_SECONDS)
 
     def __enter__(self) -> "_Child":
         return self
@@ -169,8 +171,8 @@ class _Child:
     def receive(self, seconds: float) -> dict[str, Any]:
         """The next thing that the process sends. Raises ProcessEnded."""
         try:
-            message = self._channel.receive(seconds, LARGEST)
-            found = None if message is None else json.loads(message)
+            message = self._channel.receive(seconds, LARGEST_MESSAGE)
+            data = None if message is None else json.loads(message)
         except TimeoutError:
             raise ProcessEnded(
                 f"stopped after {seconds:g} s: it takes too long, or does not end"
@@ -181,9 +183,9 @@ class _Child:
             raise ProcessEnded(NO_ANSWER) from None
         if message is None:
             raise ProcessEnded(self._end())
-        if not isinstance(found, dict):
+        if not isinstance(data, dict):
             raise ProcessEnded(NO_ANSWER)
-        return found
+        return data
 
     def _end(self) -> str:
         """How the process ended, for the end of a sentence."""
@@ -218,15 +220,15 @@ def main() -> None:
 
         bytes_ = int(job["memory"] * 2**30)
         resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
-    for found in _done(job):
-        message = json.dumps(found).encode("ascii")
-        if len(message) > LARGEST:
-            message = json.dumps({"too large": True}).encode("ascii")
-        channel.send(message)
+    for message in _messages(job):
+        encoded = json.dumps(message).encode("ascii")
+        if len(encoded) > LARGEST_MESSAGE:
+            encoded = json.dumps({"too large": True}).encode("ascii")
+        channel.send(encoded)
     os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
 
 
-def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _messages(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Do a job: what is sent when it has begun, when the file is loaded, and for each exercise."""
     sys.dont_write_bytecode = True  # nothing is left in the student's folder
     sys.modules.pop("answers", None)
@@ -234,21 +236,21 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
     if lecture is not None:
         _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
     yield {"begun": True}
-    module, told = load(job["file"])
-    yield dict(told)
-    for name, given in job["exercises"].items() if module is not None else ():
+    module, outcome = load(job["file"])
+    yield dict(outcome)
+    for name, job_data in job["exercises"].items() if module is not None else ():
         page, answer = io.StringIO(), getattr(module, name, None)
         with _printing_to(page):
             if lecture is None:
-                found = answers(name, answer, **given)
+                data = answers(name, answer, **job_data)
             else:
-                found = {
+                data = {
                     "results": [
-                        [one.state.value, one.what, one.expected, one.came, one.hint]
-                        for one in grade_exercise(lecture, name, answer)
+                        [result.state.value, result.what, result.expected, result.came, result.hint]
+                        for result in grade_exercise(lecture, name, answer)
                     ]
                 }
-        yield {**found, "printed": cut(page.getvalue().rstrip(), KEPT)}
+        yield {**data, "printed": cut(page.getvalue().rstrip(), LONGEST_PRINTED)}
 
 
 def answers(
@@ -257,7 +259,7 @@ def answers(
     """What a function returns for each of several lists of arguments, or why it is unfit."""
     if wrong := unfit(exercise, answer, parameters):
         return {"unfit": wrong}
-    return {"answers": [answered(answer, tuple(decode(one))) for one in arguments]}
+    return {"answers": [answered(answer, tuple(decode(encoded))) for encoded in arguments]}
 
 
 def load(file: str) -> tuple[ModuleType | None, dict[str, str]]:
@@ -271,7 +273,7 @@ def load(file: str) -> tuple[ModuleType | None, dict[str, str]]:
             module = _module(file)
         except BaseException as error:  # SystemExit, too
             return None, {"trouble": error_in_words(error, file=file)}
-    return module, {"loaded": cut(page.getvalue().rstrip(), KEPT)}
+    return module, {"loaded": cut(page.getvalue().rstrip(), LONGEST_PRINTED)}
 
 
 def _module(file: str) -> ModuleType:

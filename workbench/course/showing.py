@@ -38,8 +38,8 @@ class Picture:
     @cached_property
     def page(self) -> ReplayPage | None:
         """The interactive version as a page of its own; None if there is none."""
-        made = None if self.moving is None else self.moving()
-        return replay_page(made) if isinstance(made, Recording) else made
+        moving = None if self.moving is None else self.moving()
+        return replay_page(moving) if isinstance(moving, Recording) else moving
 
     def __repr__(self) -> str:
         return f"[figure] {self.caption}"
@@ -89,13 +89,13 @@ def source(*what: Any) -> Source:
     and cached properties it is the function that they wrap. Constants of their modules that they
     read stand above them, so that a reader knows their values.
     """
-    found = [getattr(one, "fget", None) or getattr(one, "func", None) or one for one in what]
-    texts = [inspect.cleandoc("\n" + inspect.getsource(one)).rstrip() for one in found]
+    defined = [getattr(d, "fget", None) or getattr(d, "func", None) or d for d in what]
+    texts = [inspect.cleandoc("\n" + inspect.getsource(d)).rstrip() for d in defined]
     read = {node.id for text in texts for node in ast.walk(ast.parse(text)) if _is_name(node)}
-    modules = dict.fromkeys(sys.modules[one.__module__] for one in found)
+    modules = dict.fromkeys(sys.modules[d.__module__] for d in defined)
     above = [line for module in modules for line in _constants(inspect.getsource(module), read)]
     shown = "\n\n\n".join(["\n".join(above)] * bool(above) + texts)
-    return Source(shown, ", ".join(f"{one.__module__}.{one.__qualname__}" for one in found))
+    return Source(shown, ", ".join(f"{d.__module__}.{d.__qualname__}" for d in defined))
 
 
 def _is_name(node: ast.AST) -> TypeGuard[ast.Name]:
@@ -108,11 +108,11 @@ def _constants(module: str, names: Collection[str]) -> Iterator[str]:
     for node in ast.parse(module).body:
         if isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if any(_is_name(one) and one.id in names and one.id.isupper() for one in targets):
+            if any(_is_name(t) and t.id in names and t.id.isupper() for t in targets):
                 yield from lines[node.lineno - 1 : node.end_lineno]
 
 
-INSIDE = """
+FRAME_HEAD = """
 <style>
 main { padding: 0; max-width: none; }
 footer { display: none; }
@@ -127,7 +127,7 @@ document.addEventListener("ready", () => {
 });
 </script>
 """
-OUTSIDE = """
+FRAME_SCRIPT = """
 (figure => {
   const frame = figure.querySelector("iframe");
   addEventListener("message", event => {
@@ -143,10 +143,10 @@ def framed(page: str) -> str:
 
     The frame has no height until the page is ready, and none where scripts cannot run.
     """
-    inner = page.replace("</head>", f"{INSIDE}</head>", 1)
+    inner = page.replace("</head>", f"{FRAME_HEAD}</head>", 1)
     return (
         f'<iframe srcdoc="{escape(inner)}" sandbox="allow-scripts" loading="lazy" '
         'title="the figure, which can be changed by hand" '
         'style="display: block; width: 100%; height: 0; border: 0"></iframe>'
-        f"<script>{OUTSIDE}</script>"
+        f"<script>{FRAME_SCRIPT}</script>"
     )

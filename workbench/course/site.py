@@ -17,22 +17,22 @@ from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
 STYLE = Path(__file__).with_name("site.css")
-NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside the tools of notebooks
+SITE_TOOLS = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside the tools of notebooks
 LIGHT, DARK = "default", "github-dark"  # the colours of code, by Pygments' names
-MADE_BY_US = "searchindex.js"  # a folder with this file is a site, which may be built anew
+SITE_MARK = "searchindex.js"  # a folder with this file is a site, which may be built anew
 SHIPPED = ("Sphinx", "Pygments", "myst-nb")  # their style sheets and scripts are copied
-LICENCE = ("licen", "copying", "notice", "authors")  # how the names of such files begin
+LICENCE_NAMES = ("licen", "copying", "notice", "authors")  # how the names of such files begin
 OTHERS = Path(__file__).with_name("licence_texts")  # of what is installed without its own: MathJax
 
 
 def refuse(folder: Path) -> None:
     """Raise BadFile if a tool is missing, or if the folder holds anything but a site."""
-    for name in NEEDED:
+    for name in SITE_TOOLS:
         if find_spec(name) is None:
             tool(name)
     if folder.exists() and not folder.is_dir():
         raise BadFile(f"{folder} is a file; give a folder for the site")
-    if folder.exists() and any(folder.iterdir()) and not (folder / MADE_BY_US).is_file():
+    if folder.exists() and any(folder.iterdir()) and not (folder / SITE_MARK).is_file():
         raise BadFile(f"{folder} holds something that is no site of ours; give a new folder")
 
 
@@ -41,7 +41,7 @@ def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
 
     Raises BadFile if Sphinx fails or warns.
     """
-    static, out, said = scratch / "static", scratch / "out", StringIO()
+    static, out, log = scratch / "static", scratch / "out", StringIO()
     static.mkdir()
     (static / "site.css").write_text(_style(), encoding="utf-8")
     settings: dict[str, Any] = {
@@ -75,21 +75,21 @@ def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
             namespaces.patch_docutils(),
             namespaces.docutils_namespace(),
         ):
-            # what the libraries have to say to each other about their next versions
+            # of these libraries about each other
             warnings.simplefilter("ignore", DeprecationWarning)
             warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = sphinx.Sphinx(
-                pages, None, out, scratch / "doctrees", "html", settings, status=None, warning=said
+                pages, None, out, scratch / "doctrees", "html", settings, status=None, warning=log
             )
             app.build()
     except Exception as error:
-        raise BadFile(f"Sphinx could not build the site: {error}\n{said.getvalue()}") from error
-    if app.statuscode or said.getvalue().strip():
-        raise BadFile(f"Sphinx is not content with the site: {said.getvalue().strip()}")
+        raise BadFile(f"Sphinx could not build the site: {error}\n{log.getvalue()}") from error
+    if app.statuscode or log.getvalue().strip():
+        raise BadFile(f"Sphinx is not content with the site: {log.getvalue().strip()}")
     return out
 
 
-def put(out: Path, folder: Path) -> None:
+def replace_site(out: Path, folder: Path) -> None:
     """Put the built site into its folder, in the place of an older one."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -113,7 +113,7 @@ def copy_licences(folder: Path) -> None:
     shutil.copytree(OTHERS, folder)
     for name in SHIPPED:
         for path in distribution(name).files or ():
-            if path.name.lower().startswith(LICENCE) and path.suffix not in (".py", ".pyc"):
+            if path.name.lower().startswith(LICENCE_NAMES) and path.suffix not in (".py", ".pyc"):
                 source = Path(str(path.locate()))
                 if source.is_file():
                     shutil.copy(source, folder / f"{name}-{path.stem}.txt")
@@ -132,47 +132,49 @@ def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
     """
     pages.mkdir(parents=True, exist_ok=True)
     files.mkdir(parents=True, exist_ok=True)
-    there, made = list(course()), []
-    for one in there:
-        tell(f"running lecture {one.number}, {one.title}")
-        made.append(_write_lecture(one, pages, files))
-    (pages / "index.md").write_text(_index(there, _moving(made)), encoding="utf-8")
-    (pages / "sources.md").write_text(sources_page(there), encoding="utf-8")
+    lectures, books = list(course()), []
+    for lecture in lectures:
+        tell(f"running lecture {lecture.number}, {lecture.title}")
+        books.append(_write_lecture(lecture, pages, files))
+    (pages / "index.md").write_text(_index(lectures, _moving(books)), encoding="utf-8")
+    (pages / "sources.md").write_text(sources_page(lectures), encoding="utf-8")
     for guide in GUIDES:
         shutil.copy(root() / f"{guide}.md", pages)
 
 
 def _moving(made: list[Notebook]) -> str:
     """The first figure of the lectures that moves, for a page in Markdown; empty if none does."""
-    outputs = (out for one in made for cell in one["cells"] for out in cell.get("outputs", []))
-    figures = (out.get("data", {}).get("text/html", "") for out in outputs)
-    found = next((figure for figure in figures if "<iframe" in figure), "")
-    return found and f"```{{raw}} html\n{found}\n```\n\n"
+    outputs = (out for book in made for cell in book["cells"] for out in cell.get("outputs", []))
+    outputs_html = (out.get("data", {}).get("text/html", "") for out in outputs)
+    figure = next((html for html in outputs_html if "<iframe" in html), "")
+    return figure and f"```{{raw}} html\n{figure}\n```\n\n"
 
 
-def _write_lecture(one: Lecture, pages: Path, files: Path) -> Notebook:
-    made, name = notebook(one), one.folder_name
-    write_notebook(without_results(made), files / f"{name}.ipynb")
-    shutil.copy(one.folder / "exercises.py", files / f"{name}.py")
-    first = made["cells"][0]
+def _write_lecture(lecture: Lecture, pages: Path, files: Path) -> Notebook:
+    book, name = notebook(lecture), lecture.folder_name
+    write_notebook(without_results(book), files / f"{name}.ipynb")
+    shutil.copy(lecture.folder / "exercises.py", files / f"{name}.py")
+    first = book["cells"][0]
     head, _, rest = first["source"].partition("\n")
     facts = (
-        f'<p class="facts">Lecture {one.number}, {one.minutes} minutes. Assumes {one.assumes}. '
+        f'<p class="facts">Lecture {lecture.number}, {lecture.minutes} minutes. '
+        f"Assumes {lecture.assumes}. "
         f'<a href="{name}.ipynb">notebook</a>, <a href="{name}.py">exercises</a></p>'
     )
     first["source"] = f"{head}\n\n{facts}\n{rest}"
-    write_notebook(made, pages / f"{name}.ipynb")
-    return made
+    write_notebook(book, pages / f"{name}.ipynb")
+    return book
 
 
-def _index(there: list[Lecture], figure: str) -> str:
+def _index(lectures: list[Lecture], figure: str) -> str:
     """The first page of the course: a figure, and every lecture with its question."""
     rows = [
-        f"| {one.number} | [{one.title}]({one.folder_name}.ipynb)<br>{one.question} "
-        f"| {one.minutes} | {sum(check.points for check in one.checks)} |"
-        for one in there
+        f"| {lecture.number} | [{lecture.title}]({lecture.folder_name}.ipynb)<br>"
+        f"{lecture.question} "
+        f"| {lecture.minutes} | {sum(check.points for check in lecture.checks)} |"
+        for lecture in lectures
     ]
-    names = [one.folder_name for one in there]
+    names = [lecture.folder_name for lecture in lectures]
     return (
         "# Body models, from a function to a posterior\n\n"
         "A course on the workbench. All figures and numbers on these pages were computed by the "
@@ -199,9 +201,9 @@ def references() -> list[dict[str, str]]:
     return works
 
 
-def cites(one: Lecture, work: dict[str, str]) -> bool:
+def cites(lecture: Lecture, work: dict[str, str]) -> bool:
     """Whether a lecture links a work, or names the title of one without a link in italics."""
-    texts = [cell.text for cell in cells(one.folder / "lecture.py") if cell.prose]
+    texts = [cell.text for cell in cells(lecture.folder / "lecture.py") if cell.prose]
     sought = f"({work['link']})" if work["link"] else f"*{work['title']}*"
     return sought.casefold() in " ".join(" ".join(texts).split()).casefold()
 
@@ -235,5 +237,5 @@ def write_course_site(folder: str | Path, tell: Tell = lambda said: None) -> Pat
         write_course_pages(pages, files, tell)
         copy_licences(files / "licences")
         tell("writing pages")
-        put(build("Body models", pages, files, scratch), folder)
+        replace_site(build("Body models", pages, files, scratch), folder)
     return folder / "index.html"

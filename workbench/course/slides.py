@@ -20,7 +20,7 @@ from typing import Any
 from jinja2 import Environment
 
 from workbench.course import Picture
-from workbench.course.cells import Cell, carried_out
+from workbench.course.cells import Cell, run_cells
 from workbench.course.notebooks import tool
 from workbench.course.outline import Lecture
 from workbench.course.showing import Source, framed
@@ -31,8 +31,8 @@ from workbench.writing import write_file
 
 WIDTH, HEIGHT = 1280, 720  # px of a slide
 MOST_BULLETS, MOST_ROWS, LONGEST_ROW = 3, 12, 92  # rows and letters of code
-WIDE = 1.55  # a still figure stands below the bullets if it is as many times as wide as high
-OURS = "<!-- slides of the workbench -->"  # in each file that may be written over
+WIDE_FIGURE = 1.55  # a still figure stands below the bullets if it is as many times as wide as high
+SLIDES_MARK = "<!-- slides of the workbench -->"  # in each file that may be written over
 
 
 @dataclass(frozen=True)
@@ -62,40 +62,40 @@ def slides(lecture: Lecture) -> list[Slide]:
     Raises BadFile if a slide is not one, or if a library is missing.
     """
     path = lecture.folder / "lecture.py"
-    found: list[Slide] = []
+    deck: list[Slide] = []
     notes, shown = "", ""
     picture: Picture | None = None
     with redirect_stdout(StringIO()):
-        for cell, value, _ in carried_out(path, slides=True):
+        for cell, value, _ in run_cells(path, slides=True):
             if cell.slide:
-                found.append(_slide(cell, picture, shown, notes, path))
+                deck.append(_slide(cell, picture, shown, notes, path))
                 notes, picture = "", picture if cell.slide == "still" else None
             elif cell.prose:
                 notes += _html(cell.text)
             else:
                 shown += f"{cell.text}\n{value.text if isinstance(value, Source) else ''}\n"
                 picture = value if isinstance(value, Picture) else picture
-    if not found:
+    if not deck:
         raise BadFile(f"{path} has no slides; a cell `# %% slide [markdown]` is one")
-    found[-1] = replace(found[-1], notes=found[-1].notes + notes)
-    return [*found, Slide("Exercises", _exercises(lecture))]
+    deck[-1] = replace(deck[-1], notes=deck[-1].notes + notes)
+    return [*deck, Slide("Exercises", _exercises(lecture))]
 
 
 def _slide(cell: Cell, picture: Picture | None, shown: str, notes: str, path: Path) -> Slide:
     """The slide of a cell. Raises BadFile if it has no headline, or too much of anything."""
     headline, _, rest = cell.text.partition("\n")
     quoted = "\n".join(re.findall(r"```python\n(.*?)```", rest, re.S)).splitlines()
-    known = {line.strip() for line in shown.splitlines()}
+    shown_lines = {line.strip() for line in shown.splitlines()}
     troubles = {
         "begins with its headline: `# ## ...`": headline.startswith("## "),
         f"has at most {MOST_BULLETS} bullets": len(re.findall(r"^- ", rest, re.M)) <= MOST_BULLETS,
         f"has at most {MOST_ROWS} rows of code": len(quoted) <= MOST_ROWS,
         f"has rows of at most {LONGEST_ROW} letters": all(len(q) <= LONGEST_ROW for q in quoted),
-        "quotes rows of code that the lecture has shown, or `...`": known | {"..."}
+        "quotes rows of code that the lecture has shown, or `...`": shown_lines | {"..."}
         >= {line.strip() for line in quoted},
     }
-    for rule, kept in troubles.items():
-        if not kept:
+    for rule, followed in troubles.items():
+        if not followed:
             raise BadFile(f"{path}, line {cell.line}: a slide {rule}")
     words, title = _html(rest), _inline(headline.removeprefix("## "))
     if picture is None:
@@ -107,12 +107,12 @@ def _slide(cell: Cell, picture: Picture | None, shown: str, notes: str, path: Pa
         words,
         f"{notes}<p>{escape(picture.caption if moves is None else moves.caption)}</p>",
         picture.image,
-        "" if moves is None else framed(moves.html.replace("</head>", f"{ALONE}</head>", 1)),
-        moves is None and bool(wide >= WIDE * high),
+        "" if moves is None else framed(moves.html.replace("</head>", f"{SLIDE_STYLE}</head>", 1)),
+        moves is None and bool(wide >= WIDE_FIGURE * high),
     )
 
 
-ALONE = """
+SLIDE_STYLE = """
 <style>
 main .replay figcaption { display: none; } /* it is in the notes */
 main .replay figure figcaption { display: block; }
@@ -150,9 +150,9 @@ def _inline(text: str) -> str:
 
 def _exercises(lecture: Lecture) -> str:
     rows = []
-    given = lecture.module("exercises")
+    exercises = lecture.module("exercises")
     for k, name in enumerate(lecture.exercises, 1):
-        task = (getattr(given, name).__doc__ or "").splitlines()[0]
+        task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
         points = sum(check.points for check in lecture.checks if check.exercise == name)
         minutes = lecture.minutes_for(name)
         rows.append(
@@ -175,7 +175,7 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
         "mathjax": _folder("mathjax", "sphinx-mathjax-offline"),
     }
     page = folder / f"{lecture.folder_name}.html"
-    if page.exists() and OURS not in page.read_text(encoding="utf-8", errors="replace"):
+    if page.exists() and SLIDES_MARK not in page.read_text(encoding="utf-8", errors="replace"):
         raise BadFile(f"{page} is no file of ours and was left as it was; name a new folder")
     here = Path(__file__).parent
     template = Environment(autoescape=False).from_string(
@@ -183,7 +183,7 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
     )
     formatter = tool("pygments.formatters").HtmlFormatter
     text = template.render(
-        ours=OURS,
+        ours=SLIDES_MARK,
         lecture=lecture,
         title=escape(lecture.title),
         question=escape(lecture.question),

@@ -22,16 +22,18 @@ from workbench.problem.steps import EPS
 from workbench.problem.storage import by_nonzeros, stacked
 from workbench.threads import limited_threads
 
-UNKNOWN = 1e-9  # squared part of an entry in the null space, from which on it is not known
-NEAR = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
-NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
-COUNT, FEWER = 4, 2  # points nearby: in a space of g motions, chance leaves nothing at each point
-MANY, MOST = 400, 3000  # unknowns from which on there are fewer, and none
-NEARBY = 0.1  # of a scale, how far they are away in each entry
-CLOSER = 0.1  # of that, where nothing finite is found so far away
-STEPS = 20  # of Newton's method back to what is held, at the most
-REACHED = 1e-12  # of the length of what is held
-BY_GRAPH = 1e7  # entries up to which the graph of a Jacobian is asked for its pattern
+IN_NULL_SPACE = 1e-9  # squared part of an entry in the null space, from which on it is not known
+ON_BOUND = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
+ON_BOUND_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
+POINTS = 4  # nearby: in a space of g motions, chance leaves nothing at each point
+POINTS_OF_MANY = 2  # where there are many unknowns
+MANY_UNKNOWNS = 400
+MOST_UNKNOWNS = 3000  # with more, there are no points nearby
+NEARBY = 0.1  # of a scale, how far points nearby are away in each entry
+CLOSER = 0.1  # of that, where no Jacobian is finite so far away
+NEWTON_STEPS = 20  # back to what has to hold, at the most
+NEWTON_TOLERANCE = 1e-12  # of the length of what has to hold
+MOST_ENTRIES_OF_GRAPH = 1e7  # up to which the graph of a Jacobian is asked for its pattern
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +81,17 @@ class ActiveSet:
 def active_set_at(
     problem: Problem, at: Mapping[str, ArrayLike], like: ActiveSet | None = None
 ) -> ActiveSet:
-    """What is active at these values; with `like`, the gradients here of what is active there."""
+    """What is active at these values; with `like`, the gradients here of what it says is active."""
     x, fixed = problem.split(at)
     constraints, rows, names = problem.stacked_constraints, np.zeros((0, x.size)), []
     active = np.zeros(0, dtype=bool)
     if constraints is not None:
-        there = constraints.linearize(x, fixed)
-        c, slack = there.values, there.tolerance
-        active = constraints.equal | (c <= there.lower + slack) | (c >= there.upper - slack)
-        active &= there.usable
+        here = constraints.linearize(x, fixed)
+        c, slack = here.values, here.tolerance
+        active = constraints.equal | (c <= here.lower + slack) | (c >= here.upper - slack)
+        active &= here.usable
         active = active if like is None else like.active
-        rows = there.rows(active)
+        rows = here.rows(active)
         names = [constraints.label(int(row)) for row in np.flatnonzero(active)]
     low, high = _on_bounds(problem, x)
     bounded = low | high if like is None else like.bounded
@@ -107,9 +109,9 @@ def _rows_of_identity(chosen: Mask) -> Array:
 def _on_bounds(problem: Problem, x: Array) -> tuple[Mask, Mask]:
     """Which unknowns are on their lower and which on their upper bounds, or beyond, (n,) each."""
     lower, upper = problem.lower, problem.upper
-    apart = NEAR_OF_WIDTH * (upper - lower)  # infinite where a side is free
+    widest = ON_BOUND_OF_WIDTH * (upper - lower)  # infinite where a side is free
     near = [
-        np.minimum(NEAR * np.maximum(1.0, abs(np.where(np.isfinite(side), side, 0.0))), apart)
+        np.minimum(ON_BOUND * np.maximum(1.0, abs(np.where(np.isfinite(side), side, 0.0))), widest)
         for side in (lower, upper)
     ]
     return x <= lower + near[0], x >= upper - near[1]
@@ -232,7 +234,7 @@ class ConstrainedJacobian:
             forbidden = 1 - np.sum(self.tangent**2, axis=1)
         half = along / s
         sigma = np.sqrt(np.sum(half**2, axis=1))
-        sigma[1 - np.sum(along**2, axis=1) - forbidden > UNKNOWN] = np.inf
+        sigma[1 - np.sum(along**2, axis=1) - forbidden > IN_NULL_SPACE] = np.inf
         return sigma, half
 
     def only(self, part: Index) -> "ConstrainedJacobian":
@@ -249,7 +251,7 @@ class ConstrainedJacobian:
 def constrained_jacobian_at(
     problem: Problem, at: Mapping[str, ArrayLike], like: ActiveSet | None = None
 ) -> ConstrainedJacobian:
-    """The Jacobian of a problem at a point, and what bounds and constraints fix there."""
+    """The Jacobian of a problem at a point, and what bounds and constraints fix at it."""
     here = linearized(problem, at)
     return ConstrainedJacobian(here, active_set_at(problem, at, like).rows)
 
@@ -276,7 +278,7 @@ def only_rounding(lengths: Array, x: Array, free: Layout, m: int) -> Mask:
     """Which columns, of these lengths (n,) in m rows at x, may be nothing but rounding, (n,).
 
     Entries of one unit can be compared: a column is, if it is below eps max(m, n) of the longest
-    of its unit. Entries without a unit cannot; there, and everywhere, it is if a change by one, or
+    of its unit. Entries without a unit cannot; a column of any unit is, too, if a change by one, or
     by the size of x_i if that is more, changes the rows by less than the rounding error of one
     sigma, or of the longest column if that is shorter.
     """
@@ -305,7 +307,7 @@ def pattern_at(problem: Problem) -> csc_array:
     computed by arithmetic alone are in no graph. There it is the pattern of the chain rule, in
     which each point reads all of its body's blocks.
     """
-    if problem.size * problem.free.size > BY_GRAPH or not problem.has_graph:
+    if problem.size * problem.free.size > MOST_ENTRIES_OF_GRAPH or not problem.has_graph:
         return problem.pattern
     return pattern_of(problem.function)
 
@@ -333,12 +335,13 @@ def points_nearby(
     point. Unknowns move at random by a share of their scales `sizes` (n,). Active constraints and
     bounds hold at the new points too, and so does what residuals say of one block in a problem that
     ties it to others: a quaternion keeps its length. There are no points for a very large problem,
-    and where nothing finite is found.
+    and where no Jacobian nearby is finite.
     """
     n = problem.free.size
-    if not 0 < n <= MOST:
+    if not 0 < n <= MOST_UNKNOWNS:
         return ()
-    count, rows = COUNT if n <= MANY else FEWER, _rows_of_one_block(problem, pattern)
+    count = POINTS if n <= MANY_UNKNOWNS else POINTS_OF_MANY
+    rows = _rows_of_one_block(problem, pattern)
     points: list[tuple[Array, ConstrainedJacobian]] = []
     for share in (NEARBY, NEARBY * CLOSER):
         points = [*_at_random(problem, values, active, share * sizes, rows, count)]
@@ -349,8 +352,8 @@ def points_nearby(
 
 def _rows_of_one_block(problem: Problem, pattern: csc_array) -> Index:
     """The rows that read one block, which other rows read together with others."""
-    part = [csr_array(pattern[:, at]) for at in problem.free.slices.values()]
-    reads = np.column_stack([np.diff(one.indptr) > 0 for one in part])
+    columns_of = [csr_array(pattern[:, part]) for part in problem.free.slices.values()]
+    reads = np.column_stack([np.diff(columns.indptr) > 0 for columns in columns_of])
     alone = reads.sum(axis=1) == 1
     shared = reads[reads.sum(axis=1) > 1].any(axis=0)
     return np.flatnonzero(alone & reads[:, shared].any(axis=1))
@@ -365,33 +368,33 @@ def _at_random(
     """
     rng = np.random.default_rng(0)
     x, fixed = problem.split(values)
-    held, _ = _held(problem, active, rows, x, fixed)
+    kept, _ = _kept(problem, active, rows, x, fixed)
     for _ in range(count):
         y = x + np.where(active.bounded, 0.0, sizes * rng.standard_normal(x.size))
-        for _ in range(STEPS if held.size else 0):
-            there, A = _held(problem, active, rows, y, fixed)
-            missed = there - held
-            if not np.isfinite(missed).all() or not np.isfinite(A).all():
+        for _ in range(NEWTON_STEPS if kept.size else 0):
+            here, A = _kept(problem, active, rows, y, fixed)
+            error = here - kept
+            if not np.isfinite(error).all() or not np.isfinite(A).all():
                 y = np.full(y.shape, np.nan)
-            if not np.linalg.norm(missed) > REACHED * (1 + np.linalg.norm(held)):
+            if not np.linalg.norm(error) > NEWTON_TOLERANCE * (1 + np.linalg.norm(kept)):
                 break
-            y = y - sizes * np.linalg.lstsq(A * sizes, missed)[0]
+            y = y - sizes * np.linalg.lstsq(A * sizes, error)[0]
         if np.isfinite(y).all():
             near = constrained_jacobian_at(problem, problem.values(y, fixed), active)
             if near.here.finite and np.isfinite(near.rows).all():
                 yield y, near
 
 
-def _held(
+def _kept(
     problem: Problem, active: ActiveSet, rows: Index, x: Array, fixed: Array
 ) -> tuple[Array, Array]:
     """The values (k,) of active constraints and of these rows, and their Jacobian (k, n)."""
     values, A = np.zeros(0), np.zeros((0, x.size))
     if rows.size:
-        here = problem.linearize(problem.values(x, fixed)).rows(rows)
-        J = here.jacobian
-        values, A = here.residual, J if isinstance(J, np.ndarray) else by_nonzeros(J).toarray()
+        of_rows = problem.linearize(problem.values(x, fixed)).rows(rows)
+        J = of_rows.jacobian
+        values, A = of_rows.residual, J if isinstance(J, np.ndarray) else by_nonzeros(J).toarray()
     if problem.stacked_constraints is None or not active.active.any():
         return values, A
-    there = problem.stacked_constraints.linearize(x, fixed)
-    return np.append(values, there.values[active.active]), np.vstack([A, there.rows(active.active)])
+    here = problem.stacked_constraints.linearize(x, fixed)
+    return np.append(values, here.values[active.active]), np.vstack([A, here.rows(active.active)])

@@ -10,15 +10,16 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array, Index, Mask
 from workbench.problem.steps import EPS
 
-MANY = 400  # entries up to which a linear program looks for few of them
-FRESH = 1e-6  # sine of the angle to the directions so far, above which a direction is new
-APART = 1e-3  # the same sine, below which a vector of few entries is one of those before
-FEW = 3  # vectors, up to which all that are tried are compared
-TRIED = 3  # times as many pivots as vectors: of some the sparsest vector is there already
-CLEARLY_FRESH = 0.1  # the same sine, above which vectors are kept as they are
+BY_LINEAR_PROGRAM = 400  # entries up to which a linear program looks for few of them
+NEW_SINE = 1e-6  # of the angle to the directions so far, above which a direction is new
+CLEARLY_NEW_SINE = 0.1  # of this angle, above which vectors are kept as they are
+OLD_SINE = 1e-3  # of this angle, up to which a vector of few entries is one of those before
+MOST_SORTED = 3  # vectors, up to which all that are tried are compared
+PIVOTS_EACH = 3  # times as many pivots as vectors: of some the sparsest vector is there already
+ROUNDING = 1e-7  # of the largest entry: less is none
 
 
 def null_basis(A: Array, tolerance: float) -> Array:
@@ -39,9 +40,9 @@ def beyond(known: Array, vectors: Array) -> tuple[Array, Array]:
     rest = vectors - known @ (known.T @ vectors)
     rest -= known @ (known.T @ rest)
     U, s, Vt = np.linalg.svd(rest, full_matrices=False)
-    if s.size == vectors.shape[1] and (s > CLEARLY_FRESH).all():
+    if s.size == vectors.shape[1] and (s > CLEARLY_NEW_SINE).all():
         return U, vectors
-    return U[:, s > FRESH], np.asarray(vectors @ Vt[s > FRESH].T)
+    return U[:, s > NEW_SINE], np.asarray(vectors @ Vt[s > NEW_SINE].T)
 
 
 def sparsest(basis: Array, known: Array) -> Array:
@@ -55,32 +56,37 @@ def sparsest(basis: Array, known: Array) -> Array:
     if not d:
         return basis
     pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1]
-    if n > MANY:
+    if n > BY_LINEAR_PROGRAM:
         return _echelon(basis, pivots[:d])
     space = np.column_stack([basis, known])
     space = space / np.linalg.norm(space, axis=0)
-    candidates: Iterable[Array] = (_least(space, int(i)) for i in pivots[: TRIED * d])
-    if d <= FEW:  # of several, those of the fewest entries first
-        candidates = sorted(candidates, key=lambda v: int(np.sum(abs(v) > 1e-7 * abs(v).max())))
+    candidates: Iterable[Array] = (_least(space, int(i)) for i in pivots[: PIVOTS_EACH * d])
+    if d <= MOST_SORTED:  # those of the fewest entries first
+        candidates = sorted(candidates, key=lambda v: np.count_nonzero(_is_large(v)))
     chosen: list[Array] = []
-    done = np.linalg.qr(known)[0] if known.shape[1] else known
+    spanned = np.linalg.qr(known)[0] if known.shape[1] else known
     for v in candidates:
-        fresh = v - done @ (done.T @ v)
-        fresh -= done @ (done.T @ fresh)
-        if np.linalg.norm(fresh) > APART * np.linalg.norm(v):
+        new = v - spanned @ (spanned.T @ v)
+        new -= spanned @ (spanned.T @ new)
+        if np.linalg.norm(new) > OLD_SINE * np.linalg.norm(v):
             chosen.append(_polished(v, space))
-            done = np.column_stack([done, fresh / np.linalg.norm(fresh)])
+            spanned = np.column_stack([spanned, new / np.linalg.norm(new)])
         if len(chosen) == d:
             break
-    left = beyond(done, basis)[0][:, : d - len(chosen)]
+    left = beyond(spanned, basis)[0][:, : d - len(chosen)]
     return np.column_stack([*(v[:, None] for v in chosen), left])
+
+
+def _is_large(v: Array) -> Mask:
+    """Which entries of v are more than rounding, beside its largest one; in each column."""
+    return np.asarray(abs(v) > ROUNDING * abs(v).max(axis=0))
 
 
 def _least(space: Array, pivot: int) -> Array:
     """The vector v (n,) in the span of `space` (n, k) of the least sum |v_i| with v[pivot] = 1."""
     n, k = space.shape
     # v = space c = plus - minus; least sum of both
-    answer = linprog(
+    solution = linprog(
         np.concatenate([np.zeros(k), np.ones(2 * n)]),
         A_eq=np.vstack(
             [
@@ -92,24 +98,24 @@ def _least(space: Array, pivot: int) -> Array:
         bounds=[(None, None)] * k + [(0, None)] * (2 * n),
         method="highs",
     )
-    return np.zeros(n) if answer.x is None else np.asarray(space @ answer.x[:k])
+    return np.zeros(n) if solution.x is None else np.asarray(space @ solution.x[:k])
 
 
 def _echelon(basis: Array, pivots: NDArray[np.signedinteger]) -> Array:
     """A basis of the same space, each vector 1 at its own pivot and 0 at the others'."""
     vectors = np.linalg.solve(basis[pivots].T, basis.T).T
-    vectors[abs(vectors) < 1e-7 * abs(vectors).max(axis=0)] = 0
+    vectors[~_is_large(vectors)] = 0
     return np.asarray(vectors / np.linalg.norm(vectors, axis=0))
 
 
 def _polished(v: Array, space: Array) -> Array:
     """v of length 1, its tiny entries set to zero exactly where the space allows it."""
-    keep = abs(v) > 1e-7 * abs(v).max()
-    if keep.all():
+    large = _is_large(v)
+    if large.all():
         return np.asarray(v / np.linalg.norm(v))
-    allowed = null_basis(space[~keep], 1e-9 * float(np.linalg.norm(space, 2)))
+    allowed = null_basis(space[~large], 1e-9 * float(np.linalg.norm(space, 2)))
     exact = space @ (allowed @ (allowed.T @ np.linalg.lstsq(space, v)[0]))
-    exact = np.where(keep, exact, 0.0)
+    exact = np.where(large, exact, 0.0)
     if np.linalg.norm(exact - v) > 1e-5 * np.linalg.norm(v):
         exact = v
     return np.asarray(exact / np.linalg.norm(exact))
@@ -141,13 +147,13 @@ def tangent_space(rows: Array) -> Array:
 
 
 def _spanned(rows: Array) -> tuple[Index, Index, int, Array]:
-    """The unknowns that rows of one entry hold; those that the others read, their rank, and Vt."""
-    alone = np.count_nonzero(rows, axis=1) == 1
-    held = rows[alone].any(axis=0)
-    others = rows[rows.any(axis=1) & ~alone]
-    others = np.where(held, 0.0, others / np.linalg.norm(others, axis=1)[:, None])
+    """The unknowns that rows of one entry fix; those that the others read, their rank, and Vt."""
+    single = np.count_nonzero(rows, axis=1) == 1
+    fixed = rows[single].any(axis=0)
+    others = rows[rows.any(axis=1) & ~single]
+    others = np.where(fixed, 0.0, others / np.linalg.norm(others, axis=1)[:, None])
     others = others[np.linalg.norm(others, axis=1) > EPS]
     read = np.flatnonzero(others.any(axis=0))
     _, s, Vt = np.linalg.svd(others[:, read], full_matrices=True)
     rank = int(np.sum(s > EPS * max(1, len(others), read.size)))
-    return np.flatnonzero(held), read, rank, Vt
+    return np.flatnonzero(fixed), read, rank, Vt

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
 
 PARALLEL = 1e-8  # sine of the angle up to which columns are called parallel
-NEARLY = 1e-3  # sine of the angle up to which columns are called nearly parallel
-MOST = 20  # pairs, or entries of a direction, that are listed
+NEARLY_PARALLEL = 1e-3  # sine of the angle up to which columns are called nearly parallel
+MOST_LISTED = 20  # pairs, or entries of a direction
 
 
 @dataclass(frozen=True)
@@ -51,22 +51,24 @@ class WeakestDirection:
     rows: tuple[int, ...]
 
 
-def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[ParallelPair, ...]:
+def parallel_columns(
+    here: Linearization, within: float = NEARLY_PARALLEL
+) -> tuple[ParallelPair, ...]:
     """Pairs of columns whose angle has a sine of at most `within`, the nearest first."""
     norms = here.column_norms
     read = np.flatnonzero(norms > 1e-14 * norms.max(initial=0.0))
     normal = here.columns(read).scaled(1 / norms[read]).normal
     stored = csc_array(normal) if isinstance(normal, np.ndarray) else by_nonzeros(normal)
     cosines = triu(stored, 1).tocoo()
-    some = abs(cosines.data) > np.sqrt(max(0.0, 1 - within**2)) - 1e-12
-    i, j, size = cosines.row[some], cosines.col[some], abs(cosines.data[some])
+    near = abs(cosines.data) > np.sqrt(max(0.0, 1 - within**2)) - 1e-12
+    i, j, size = cosines.row[near], cosines.col[near], abs(cosines.data[near])
     pairs = []
-    for k in np.argsort(-size, kind="stable")[: 50 * MOST]:
+    for k in np.argsort(-size, kind="stable")[: 50 * MOST_LISTED]:
         a, b = int(read[i[k]]), int(read[j[k]])
         x, y = here.column(a) / norms[a], here.column(b) / norms[b]
         # a sine, because cosines of 1e-9 and 1e-10 are equal
         pairs.append(ParallelPair(a, b, float(min(norm(x - y), norm(x + y)))))
-    return tuple(sorted((p for p in pairs if p.sine <= within), key=lambda p: p.sine)[:MOST])
+    return tuple(sorted((p for p in pairs if p.sine <= within), key=lambda p: p.sine)[:MOST_LISTED])
 
 
 def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
@@ -75,18 +77,18 @@ def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
         here, vectors = d.sparse.here, d.sparse.weakest(most)[1]
     else:
         here, spectrum = d.measured.here, d.measured.reduced.spectrum
-        some = slice(max(0, spectrum.rank - most), spectrum.rank)
-        vectors = spectrum.Vt[some][::-1].T
+        smallest = slice(max(0, spectrum.rank - most), spectrum.rank)
+        vectors = spectrum.Vt[smallest][::-1].T
         vectors = d.measured.tangent @ vectors if len(d.measured.rows) else vectors
-    found = []
+    directions = []
     for v in vectors.T:
-        moved = here.along(v)
-        found.append(WeakestDirection(v, float(norm(moved)), _main(v), _main(moved)))
-    return tuple(found)
+        change = here.along(v)
+        directions.append(WeakestDirection(v, float(norm(change)), _main(v), _main(change)))
+    return tuple(directions)
 
 
 def _main(v: Array) -> tuple[int, ...]:
     """The few entries that make up nine tenths of a vector's square."""
-    order = np.argsort(-abs(v))[:MOST]
+    order = np.argsort(-abs(v))[:MOST_LISTED]
     share = np.cumsum(v[order] ** 2) / max(float(v @ v), 1e-300)
     return tuple(int(i) for i in order[: int(np.searchsorted(share, 0.9)) + 1])

@@ -13,12 +13,12 @@ from workbench.problem.steps import EPS
 from workbench.problem.storage import dense
 
 WRONG = 1e-5  # of the largest entry of its column: by more, an entry is wrong
-STEPS_OF_DIFFERENCES = tuple(2e-4 / 32**k for k in range(5))  # of a unit, or of a larger number
-NOISE = 8 * EPS
+DIFFERENCE_STEPS = tuple(2e-4 / 32**k for k in range(5))  # of a unit, or of a larger number
+NOISE = 8 * EPS  # relative rounding error of a residual
 MOST_COLUMNS = 300  # columns that are all compared; of more, a random choice is
-HESSIAN_UP_TO = 150  # free numbers, and
-HESSIAN_ROWS = 8000  # rows: above, an exact Hessian takes longer than all the rest
-STEPS = np.logspace(-1, -5, 9)
+MOST_UNKNOWNS_OF_HESSIAN = 150  # with more of these or of
+MOST_ROWS_OF_HESSIAN = 8000  # an exact Hessian takes longer than all the rest
+TAYLOR_STEPS = np.logspace(-1, -5, 9)
 
 
 @dataclass(frozen=True)
@@ -100,28 +100,28 @@ def _checked(
         np.arange(n) if n <= MOST_COLUMNS else np.sort(rng.choice(n, MOST_COLUMNS, replace=False))
     )
     suspects: list[Suspect] = []
-    wrong, largest = 0, 0.0
+    wrong, largest_error = 0, 0.0
     scale = here.column_norms.max(initial=0.0) / np.sqrt(max(here.shape[0], 1))
     for i in columns:
         column = here.column(int(i))
         size = max(float(abs(column).max(initial=0.0)), 1e-8 * scale, 1e-300)
-        first, off, allowed = _compared(problem, x, fixed, here.residual, int(i), column, size)
-        largest = max(largest, float(np.max(off, initial=0.0)) / size)
-        bad = np.flatnonzero(off > allowed)
+        slope, error, allowed = _compared(problem, x, fixed, here.residual, int(i), column, size)
+        largest_error = max(largest_error, float(np.max(error, initial=0.0)) / size)
+        bad = np.flatnonzero(error > allowed)
         wrong += bad.size
         suspects += [
-            Suspect(int(k), int(i), float(column[k]), float(first[k]), float(off[k] / allowed[k]))
-            for k in bad[np.argsort(-off[bad] / allowed[bad])][:10]
+            Suspect(int(k), int(i), float(column[k]), float(slope[k]), float(error[k] / allowed[k]))
+            for k in bad[np.argsort(-error[bad] / allowed[bad])][:10]
         ]
-    taylor, slope = _taylor(problem, x, fixed, here, rng)
+    taylor, order = _taylor(problem, x, fixed, here, rng)
     return DerivativeCheck(
         columns,
-        largest,
+        largest_error,
         tuple(sorted(suspects, key=lambda s: -s.error)[:10]),
         wrong,
-        STEPS,
+        TAYLOR_STEPS,
         taylor,
-        slope,
+        order,
         _gradient_error(problem, x, fixed, here),
         _neglected(problem, x, fixed, here),
     )
@@ -130,44 +130,49 @@ def _checked(
 def _compared(
     problem: Problem, x: Array, fixed: Array, r: Array, i: int, column: Array, size: float
 ) -> tuple[Array, Array, Array]:
-    """Differences, how far off the given column is, and how far it may be, for each row.
+    """For each row: the difference quotient with the largest step, the error of the column, and
+    how large the error may be.
 
     Smaller steps are tried as long as some row disagrees; of each row the best counts.
     """
     unit = max(1.0, abs(x[i]))
-    first = np.zeros_like(column)
-    off, allowed = np.full_like(column, np.inf), np.ones_like(column)
-    for step in STEPS_OF_DIFFERENCES:
+    slopes = []
+    error, allowed = np.full_like(column, np.inf), np.ones_like(column)
+    for step in DIFFERENCE_STEPS:
         up, down = x.copy(), x.copy()
         up[i], down[i] = x[i] + step * unit, x[i] - step * unit
-        apart = problem.residual(up, fixed) - problem.residual(down, fixed)
-        slope = apart / (up[i] - down[i])
-        first = slope if step == STEPS_OF_DIFFERENCES[0] else first
-        doubt = NOISE * (abs(r) + abs(slope) * unit + 1.0) / (step * unit)
-        here, may = np.maximum(abs(column - slope) - doubt, 0), np.maximum(WRONG * size, 9 * doubt)
+        slope = (problem.residual(up, fixed) - problem.residual(down, fixed)) / (up[i] - down[i])
+        slopes.append(slope)
+        rounding = NOISE * (abs(r) + abs(slope) * unit + 1.0) / (step * unit)
+        error_here = np.maximum(abs(column - slope) - rounding, 0)
+        allowed_here = np.maximum(WRONG * size, 9 * rounding)
         # at the edge of the domain of r differences say nothing
-        here[~np.isfinite(slope)], may[~np.isfinite(slope)] = 0.0, 1.0
-        better = here * allowed < off * may
-        off, allowed = np.where(better, here, off), np.where(better, may, allowed)
-        if (off <= allowed).all():
+        outside = ~np.isfinite(slope)
+        error_here[outside], allowed_here[outside] = 0.0, 1.0
+        better = error_here * allowed < error * allowed_here
+        error = np.where(better, error_here, error)
+        allowed = np.where(better, allowed_here, allowed)
+        if (error <= allowed).all():
             break
-    return first, off, allowed
+    return slopes[0], error, allowed
 
 
 def _taylor(
     problem: Problem, x: Array, fixed: Array, here: Linearization, rng: np.random.Generator
 ) -> tuple[Array, float | None]:
+    """The errors of the linear model at each step, and the slope of their logarithms."""
     d = rng.standard_normal(x.size)
     d /= max(float(np.linalg.norm(d)), 1e-300)
-    moved = np.array([problem.residual(x + h * d, fixed) for h in STEPS])
-    left = np.linalg.norm(moved - here.residual - STEPS[:, None] * here.along(d), axis=1)
+    moved = np.array([problem.residual(x + h * d, fixed) for h in TAYLOR_STEPS])
+    linear = TAYLOR_STEPS[:, None] * here.along(d)
+    error = np.linalg.norm(moved - here.residual - linear, axis=1)
     rounding = 100 * EPS * (1 + float(np.linalg.norm(here.residual)) + here.norm)
-    clear = np.isfinite(left) & (left > 10 * rounding)
+    clear = np.isfinite(error) & (error > 10 * rounding)
     if clear.sum() < 3:
-        return left, None
+        return error, None
     # the smallest steps that rounding has not reached, where the slope is clearest
-    h, e = np.log(STEPS[clear])[-4:], np.log(left[clear])[-4:]
-    return left, float(np.polyfit(h, e, 1)[0])
+    log_h, log_error = np.log(TAYLOR_STEPS[clear])[-4:], np.log(error[clear])[-4:]
+    return error, float(np.polyfit(log_h, log_error, 1)[0])
 
 
 def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Linearization) -> float:
@@ -178,7 +183,7 @@ def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Linearizatio
 
 def _neglected(problem: Problem, x: Array, fixed: Array, here: Linearization) -> float | None:
     """None of a large problem, and of functions that have no second derivatives or no graph."""
-    if x.size > HESSIAN_UP_TO or problem.size > HESSIAN_ROWS or not x.size:
+    if x.size > MOST_UNKNOWNS_OF_HESSIAN or problem.size > MOST_ROWS_OF_HESSIAN or not x.size:
         return None
     try:
         H = dense(problem.hessian_at(x, fixed))

@@ -13,7 +13,7 @@ from workbench.blocks import Layout, Values
 from workbench.blocks.checks import several, texts
 from workbench.diagnostics import conditioning, data, null_space, remedies, report, structure
 from workbench.diagnostics.active_set import (
-    MANY,
+    MANY_UNKNOWNS,
     ActiveSet,
     ConstrainedJacobian,
     active_set_at,
@@ -231,7 +231,7 @@ class Diagnosis:
 
         None of a problem with many unknowns, or of a sparse Jacobian.
         """
-        if self.here.estimated or self.free.size > MANY:
+        if self.here.estimated or self.free.size > MANY_UNKNOWNS:
             return ()
         return tuple(near.measured(self.scales.sizes).rank for _, near in self.points_nearby)
 
@@ -424,5 +424,5 @@ def _small_enough(d: Diagnosis) -> Diagnosis:
     if d.here.by_frames:
         check_wide(d.here.jacobian)
     if d.here.finite and d.here.estimated:
-        _ = d.rank  # what is too large is said at once
+        _ = d.rank  # raises TooLarge at once, and not at the first question
     return d

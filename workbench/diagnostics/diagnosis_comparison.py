@@ -11,7 +11,7 @@ from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.report import names_of
 from workbench.diagnostics.words import counted, table
 
-MUCH = 1.5  # factor by which a sigma has to change to be listed
+CHANGED_FACTOR = 1.5  # by which a sigma has to change to be listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class DiagnosisComparison:
                 count = counted(len(directions), "direction")
                 lines += ["", f"{count} determined by the {which} only:"]
                 lines += [f"  {name}" for name in names_of(directions)]
-        changed = [p for p in self.sigmas if _factor(p[1], p[2]) > MUCH][:12]
+        changed = [p for p in self.sigmas if _factor(p[1], p[2]) > CHANGED_FACTOR][:12]
         if changed:
             rows = [(name, f"{x:.3g}", f"{y:.3g}") for name, x, y in changed]
             lines += ["", "sigmas that change most", *table(("unknown", "first", "second"), rows)]
@@ -85,19 +85,19 @@ def _figures(d: Diagnosis) -> dict[str, str]:
     return figures | {"warnings": str(len(d.warnings))}
 
 
-def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
-    """Null directions of `other` that change residuals of `one`, in unknowns that `one` has."""
-    if not (one.here.finite and other.here.finite):
+def _seen_by(observer: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
+    """Null directions of `other` that change residuals of the observer, in unknowns that it has."""
+    if not (observer.here.finite and other.here.finite):
         return ()
-    where = {one.free.label(i): i for i in range(one.free.size)}
-    constrained = one.constrained  # what a constraint forbids is seen as well
+    places = {observer.free.label(i): i for i in range(observer.free.size)}
+    constrained = observer.constrained  # what a constraint forbids is seen as well
     seen: list[Direction] = []
     for direction in other.null_directions:
         entries = np.flatnonzero(direction.vector)
         labels = other.free.labels_of(entries)
-        if where.keys() >= set(labels):
-            v = np.zeros(one.free.size)
-            v[[where[label] for label in labels]] = direction.vector[entries]
+        if places.keys() >= set(labels):
+            v = np.zeros(observer.free.size)
+            v[[places[label] for label in labels]] = direction.vector[entries]
             if np.linalg.norm(constrained.stacked.along(v)) > 1e3 * constrained.tolerance:
                 seen.append(direction)
     return tuple(seen)

@@ -26,7 +26,7 @@ from workbench.problem.banded import BlockMatrix
 from workbench.problem.sparsity import rows_of_nonzeros
 from workbench.residuals import Residual
 
-NOTHING = 1e-9  # in vectors of length 1: smaller entries are rounding errors
+ROUNDING = 1e-9  # in vectors of length 1: smaller entries are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,33 +76,33 @@ class FrameRows:
         data = csr_array(self.matrix.rest)
         rows = rows_of_nonzeros(data)
         keep = (self.frame_of_row[rows] < 0) & (data.data != 0)
-        at = rows[keep], data.indices[keep]
-        return csr_array((data.data[keep], at), shape=data.shape)
+        places = rows[keep], data.indices[keep]
+        return csr_array((data.data[keep], places), shape=data.shape)
 
     @cached_property
     def triangles(self) -> tuple[Array, ...]:
         """[J_t B_t] of each frame, reduced by QR."""
-        found: list[list[Array]] = [[] for _ in range(self.count)]
+        parts: list[list[Array]] = [[] for _ in range(self.count)]
         place = np.full(self.shape[1], -1)
-        for block, at in zip(self.matrix.blocks, self.matrix.places, strict=True):
-            for J, rows, columns in zip(block, at.rows, at.columns, strict=True):
-                t = int(self.frame_of_row[rows[0]]) if len(rows) else -1
+        for block, places in zip(self.matrix.blocks, self.matrix.places, strict=True):
+            for J, row_places, columns in zip(block, places.rows, places.columns, strict=True):
+                t = int(self.frame_of_row[row_places[0]]) if len(row_places) else -1
                 if t >= 0:
-                    found[t].append(self._placed(t, J, columns, place))
+                    parts[t].append(self._placed(t, J, columns, place))
         single = csr_array(self.matrix.rest)
         counts = np.diff(single.indptr)
         of_frames = np.flatnonzero((self.frame_of_row >= 0) & (counts > 0))
         by_frame = of_frames[np.argsort(self.frame_of_row[of_frames], kind="stable")]
         starts = np.searchsorted(self.frame_of_row[by_frame], np.arange(self.count + 1))
         for t in range(self.count):
-            part = csr_array(single[by_frame[starts[t] : starts[t + 1]]])
-            if part.nnz:
+            rows = csr_array(single[by_frame[starts[t] : starts[t + 1]]])
+            if rows.nnz:
                 columns = np.concatenate([self.own[t], self.shared])
                 place[columns] = np.arange(len(columns))
-                found[t].append(in_columns(part, place, len(columns)))
+                parts[t].append(in_columns(rows, place, len(columns)))
         return tuple(
-            triangle(np.vstack([np.zeros((0, len(own) + len(self.shared))), *parts]))
-            for own, parts in zip(self.own, found, strict=True)
+            triangle(np.vstack([np.zeros((0, len(own) + len(self.shared))), *of_frame]))
+            for own, of_frame in zip(self.own, parts, strict=True)
         )
 
     @property
@@ -113,10 +113,10 @@ class FrameRows:
             frame_of[own] = t
         first = np.full(self.shape[0], self.count)
         np.minimum.at(first, rows_of_nonzeros(self.rest), frame_of[self.rest.indices])
-        some = np.flatnonzero(np.diff(self.rest.indptr))
-        some = some[np.argsort(first[some], kind="stable")]
-        edges = np.searchsorted(first[some], np.arange(self.count + 2))
-        return [csr_array(self.rest[some[a:b]]) for a, b in pairwise(edges)]
+        rows = np.flatnonzero(np.diff(self.rest.indptr))
+        rows = rows[np.argsort(first[rows], kind="stable")]
+        edges = np.searchsorted(first[rows], np.arange(self.count + 2))
+        return [csr_array(self.rest[rows[start:stop]]) for start, stop in pairwise(edges)]
 
     def _placed(self, t: int, J: Array, columns: Index, place: Index) -> Array:
         """A block in the columns (own, shared) of its frame."""
@@ -200,16 +200,16 @@ class Elimination:
 
         A vector reaches from the last frame that takes part in it back to the first one.
         """
-        found: list[tuple[Index, Array]] = []
+        places, entries = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
         for k, step in enumerate(self.steps):
             for v in self._turned(k, step).T:
-                at, numbers = self._extended(k, step.u, v)
-                keep = abs(numbers) > NOTHING * np.linalg.norm(numbers)
-                found.append((at[keep], numbers[keep] / np.linalg.norm(numbers[keep])))
-        data = np.concatenate([np.zeros(0), *(numbers for _, numbers in found)])
-        at = np.concatenate([np.zeros(0, dtype=np.int64), *(at for at, _ in found)])
-        starts = np.cumsum([0, *(len(numbers) for _, numbers in found)])
-        return csc_array((data, at, starts), shape=(self.size, len(found)))
+                unknowns, moves = self._extended(k, step.u, v)
+                keep = abs(moves) > ROUNDING * np.linalg.norm(moves)
+                places.append(unknowns[keep])
+                entries.append(moves[keep] / np.linalg.norm(moves[keep]))
+        starts = np.cumsum([len(moves) for moves in entries])
+        shape = self.size, len(entries) - 1
+        return csc_array((np.concatenate(entries), np.concatenate(places), starts), shape=shape)
 
     def _turned(self, k: int, step: EliminationStep) -> Array:
         """What the step does not see, in a basis of which as few as possible reach further back."""
@@ -217,8 +217,8 @@ class Elimination:
             return step.null
         back = []
         for before in self.steps[:k] if k == len(self.steps) - 1 else self.steps[k - 1 : k]:
-            _, here, there = np.intersect1d(step.u, before.w, return_indices=True)
-            back.append(triangle(before.answer[:, there] @ step.null[here]))
+            _, in_u, in_w = np.intersect1d(step.u, before.w, return_indices=True)
+            back.append(triangle(before.answer[:, in_w] @ step.null[in_u]))
         Vt = np.linalg.svd(np.vstack(back), full_matrices=True)[2]
         return np.asarray(step.null @ Vt.T)
 
@@ -227,7 +227,7 @@ class Elimination:
         whole = {int(i): float(x) for i, x in zip(u, v, strict=True)}
         for step in reversed(self.steps[:k]):
             w = np.array([whole.get(int(i), 0.0) for i in step.w])
-            if not (abs(w) > NOTHING).any():
+            if not (abs(w) > ROUNDING).any():
                 if k < len(self.steps) - 1:
                     break
                 continue
@@ -241,8 +241,8 @@ class Elimination:
         known, covariance = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
         for step in reversed(self.steps):
             order = np.argsort(known)
-            at = order[np.searchsorted(known[order], step.w)]
-            of_w = covariance[np.ix_(at, at)]
+            places = order[np.searchsorted(known[order], step.w)]
+            of_w = covariance[np.ix_(places, places)]
             across = step.answer @ of_w
             own = step.half @ step.half.T + across @ step.answer.T
             known = np.concatenate([step.u, step.w])
@@ -268,42 +268,39 @@ def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[Elimina
     """
     k, n = len(u), len(u) + len(w)
     R = np.zeros((n, n))
-    found = triangle(A)
-    R[: len(found)] = found
+    R[: min(A.shape)] = triangle(A)
     U, s, Vt = np.linalg.svd(R[:k, :k])
     seen = s > tolerance
     rank = int(seen.sum())
     half = Vt[:rank].T / s[:rank]
     answer = -half @ (U[:, :rank].T @ R[:k, k:])
-    left = np.vstack([U[:, rank:].T @ R[:k, k:], R[k:, k:]])
-    return EliminationStep(u, w, answer, half, np.array(Vt[rank:].T)), left[
-        : k - rank + max(len(A) - k, 0)
-    ]
+    left = np.vstack([U[:, rank:].T @ R[:k, k:], R[k:, k:]])[: k - rank + max(len(A) - k, 0)]
+    return EliminationStep(u, w, answer, half, np.array(Vt[rank:].T)), left
 
 
 def frames_of_rows(residuals: Sequence[Residual]) -> Index:
     """The frame that each row of the stacked residual belongs to, (m,); -1 for none."""
-    found = [np.zeros(0, dtype=np.int64)]
+    frames = [np.zeros(0, dtype=np.int64)]
     for residual in residuals:
         if residual.by_frame:
-            found += [np.full(one.size, t) for t, one in residual.by_frame]
+            frames += [np.full(of_frame.size, t) for t, of_frame in residual.by_frame]
         else:
-            found.append(np.full(residual.size, -1))
-    return np.concatenate(found)
+            frames.append(np.full(residual.size, -1))
+    return np.concatenate(frames)
 
 
 def widened(A: Array, columns: Index, width: int) -> Array:
     """A in some of the columns of a matrix that is zero otherwise, (m, width)."""
-    found = np.zeros((len(A), width))
-    found[:, columns] = A
-    return found
+    wide = np.zeros((len(A), width))
+    wide[:, columns] = A
+    return wide
 
 
 def in_columns(rows: csr_array, place: Index, width: int) -> Array:
     """Sparse rows as an array (m, width), each column at its `place`."""
-    found = np.zeros((rows.shape[0], width))
-    found[rows_of_nonzeros(rows), place[rows.indices]] = rows.data
-    return found
+    dense = np.zeros((rows.shape[0], width))
+    dense[rows_of_nonzeros(rows), place[rows.indices]] = rows.data
+    return dense
 
 
 def triangle(A: Array) -> Array:

@@ -10,7 +10,7 @@ those who may undo it the fewest are taken: nobody, one block, or all that are n
 Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import NamedTuple
@@ -19,21 +19,21 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse import coo_array, csc_array
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Layout, Values
 from workbench.diagnostics import generators
-from workbench.diagnostics.bases import sparsest
+from workbench.diagnostics.bases import null_basis, sparsest
 from workbench.diagnostics.generators import Cloud, Generator, Group, Segment, places_of, together
 from workbench.diagnostics.words import LENGTHS, in_space, listed, things
 from workbench.problem import Problem
 from workbench.problem.sparsity import tied_columns
 
-SAME = 1e-6  # of its length: a motion that misses the null space by less lies in it
-NEW = 1e-3  # of its length: what a motion has outside of those before, to be a new one
-CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up to SAME
-PART = 1e-5  # of the largest coefficient: less takes no part
-MANY = 400  # groups up to which combinations of few are looked for
-LABOUR = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
+INSIDE = 1e-6  # of its length: a motion that misses the null space by less lies in it
+NEW_PART = 1e-3  # of its length: what a motion has outside of those before, to be a new one
+COMBINATION_TOLERANCE = 1e-4  # between combinations of columns, whose spaces are known to INSIDE
+TAKES_PART = 1e-5  # of the largest coefficient: less takes no part
+MOST_GROUPS = 400  # groups up to which combinations of few are looked for
+MOST_TRIALS = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,134 +70,127 @@ class NullSpace:
         x: (n,) the point.
         lengths: (n,) above zero.
         basis: (n, d) an orthonormal basis, of y.
-        same: how much of its length a motion may have outside and still count as one.
+        tolerance: how much of its length a motion may have outside and still lie in the space.
         nearby: other points x (n,), each with its own basis (n, d').
     """
 
     x: Array = field(repr=False)
     lengths: Array = field(repr=False)
     basis: Array = field(repr=False)
-    same: float = SAME
+    tolerance: float = INSIDE
     nearby: tuple[tuple[Array, Array], ...] = field(default=(), repr=False)
-    _ranges: dict[bytes, list[Array]] = field(default_factory=dict, repr=False)
+    _still_ranges: dict[bytes, list[Array]] = field(default_factory=dict, repr=False)
 
     @property
     def exact(self) -> bool:
         """Whether motions miss the space by rounding alone."""
-        return self.same <= SAME
+        return self.tolerance <= INSIDE
 
-    @property
-    def everywhere(self) -> tuple[tuple[Array, Array], ...]:
-        """The point and those nearby, each with its basis."""
-        return ((self.x, self.basis), *self.nearby)
+    def determined(self, places: Index) -> int:
+        """How many independent moves of these unknowns no others can undo.
 
-    def fixed(self, places: Index) -> int:
-        """How many ways of moving these unknowns others cannot undo; 0 if they may move anyhow.
-
-        Then it says nothing of a motion that others undo it.
+        If it is 0, others undo whatever these do, so that a name for one motion would say nothing.
         """
-        return len(places) - len(_range(self.basis[places], self.same)[1])
+        return len(places) - len(_truncated_svd(self.basis[places], self.tolerance)[1])
 
-    def moved(self, generator: Generator, c: Array, x: Array | None = None) -> Array:
+    def motion(self, generator: Generator, c: Array) -> Array:
         """How y (n,) moves with a combination c (g,) of the generator's columns."""
-        v, at = np.zeros(len(self.x)), generator.places
-        v[at] = generator.columns(self.x if x is None else x) @ c * self.lengths[at]
+        v, places = np.zeros(len(self.x)), generator.places
+        v[places] = generator.columns(self.x) @ c * self.lengths[places]
         return v
 
     def undone(self, generator: Generator, others: Index) -> Array:
         """Which combinations (g, k) of columns these other unknowns undo, the same at all points.
 
-        They are orthonormal where columns have length 1; see `in_columns`.
+        They are orthonormal where columns have length 1; see `column_lengths`.
         """
-        at, lengths, missed = generator.places, None, []
         n, still = len(self.x), np.ones(len(self.x), dtype=bool)
         still[others] = False
+        points = ((self.x, self.basis), *self.nearby)
         key = still.tobytes()
-        if key not in self._ranges:
-            bases = [basis[still] for _, basis in self.everywhere]
-            self._ranges[key] = [_range(some, self.same)[0] for some in bases]
-        for (x, _), U in zip(self.everywhere, self._ranges[key], strict=True):
-            columns = generator.columns(x) * self.lengths[at, None]
-            if lengths is None:
-                lengths = _norms(columns)
-            D = np.zeros((n, columns.shape[1]))
-            D[at] = columns / lengths
-            missed.append(D[still] - U @ (U.T @ D[still]))
-        return nothing(np.vstack(missed), self.same)
+        if key not in self._still_ranges:
+            parts = [basis[still] for _, basis in points]
+            self._still_ranges[key] = [_truncated_svd(part, self.tolerance)[0] for part in parts]
+        lengths = self.column_lengths(generator)
+        outside = []  # what the null space at each point lacks of the columns
+        for (x, _), U in zip(points, self._still_ranges[key], strict=True):
+            D = np.zeros((n, len(lengths)))
+            D[generator.places] = self._columns(generator, x) / lengths
+            outside.append(D[still] - U @ (U.T @ D[still]))
+        return null_basis(np.vstack(outside), self.tolerance)
 
-    def in_columns(self, generator: Generator) -> Array:
-        """The lengths (g,) of the columns."""
-        return _norms(generator.columns(self.x) * self.lengths[generator.places, None])
+    def column_lengths(self, generator: Generator) -> Array:
+        """The lengths (g,) of a generator's columns here; 1 where a column is zero."""
+        lengths = np.linalg.norm(self._columns(generator, self.x), axis=0)
+        return np.asarray(np.where(lengths > 0, lengths, 1.0))
 
-    def whole(self, v: Array, others: Index) -> Array:
+    def _columns(self, generator: Generator, x: Array) -> Array:
+        return generator.columns(x) * self.lengths[generator.places, None]
+
+    def completed(self, v: Array, others: Index) -> Array:
         """The coefficients (d,) of the smallest motion that is v (n,) but for these others."""
         still = np.ones(len(v), dtype=bool)
         still[others] = False
-        U, s, Vt = _range(self.basis[still], self.same)
+        U, s, Vt = _truncated_svd(self.basis[still], self.tolerance)
         return np.asarray(Vt.T @ ((U.T @ v[still]) / s))
 
+    def blocks_moved(self, w: Array, free: Layout) -> list[str]:
+        """The names of the blocks that a motion w (n,) moves."""
+        least = max(INSIDE, self.tolerance) * abs(w).max()
+        return [name for name, part in free.slices.items() if (abs(w[part]) > least).any()]
 
-def _norms(columns: Array) -> Array:
-    lengths = np.linalg.norm(columns, axis=0)
-    return np.asarray(np.where(lengths > 0, lengths, 1.0))
 
-
-def _range(A: Array, same: float) -> tuple[Array, Array, Array]:
-    """`U, s, Vt` of A, with singular values above `same` alone."""
+def _truncated_svd(A: Array, tolerance: float) -> tuple[Array, Array, Array]:
+    """`U, s, Vt` of A, with singular values above the tolerance alone."""
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    some = s > same
-    return U[:, some], s[some], Vt[some]
+    large = s > tolerance
+    return U[:, large], s[large], Vt[large]
 
 
-def nothing(A: Array, same: float) -> Array:
-    """An orthonormal basis of what A (m, g) takes to nothing, up to `same`."""
-    _, s, Vt = np.linalg.svd(A, full_matrices=len(A) < len(A.T))
-    small = np.ones(len(Vt), dtype=bool)
-    small[: len(s)] = s <= same
-    return np.asarray(Vt[small].T)
+class KnownMotions:
+    """The motions of a null space that have a name so far.
 
-
-class Found:
-    """The motions that were found so far, as orthonormal coefficients (d, k)."""
+    Attributes:
+        space: the null space.
+        coefficients: (d, k) an orthonormal basis of their coefficients.
+        new_part: of its length: a motion with less outside of those before is not new.
+    """
 
     def __init__(self, space: NullSpace) -> None:
         self.space = space
-        self.known = np.zeros((space.basis.shape[1], 0))
-        self.new = max(NEW, 2 * space.same)  # of its length: less is nothing new
+        self.coefficients = np.zeros((space.basis.shape[1], 0))
+        self.new_part = max(NEW_PART, 2 * space.tolerance)
 
-    def all(self) -> bool:
-        """Whether nothing is left to be found."""
-        return len(self.known.T) >= len(self.known)
+    def complete(self) -> bool:
+        """Whether they span the null space, so that there is nothing left to name."""
+        dimension, count = self.coefficients.shape
+        return count >= dimension
 
-    def adds(self, a: Array) -> bool:
-        """Whether coefficients a (d,) are those of a new motion, which then counts as found."""
+    def add(self, a: Array) -> bool:
+        """Add the motion with the coefficients a (d,) if it is new, and say whether it was."""
         length = np.linalg.norm(a)
-        new = a - self.known @ (self.known.T @ a)
-        new -= self.known @ (self.known.T @ new)
-        if not length or np.linalg.norm(new) <= self.new * length:
+        rest = a - self.coefficients @ (self.coefficients.T @ a)
+        rest -= self.coefficients @ (self.coefficients.T @ rest)
+        if not length or np.linalg.norm(rest) <= self.new_part * length:
             return False
-        self.known = np.column_stack([self.known, new / np.linalg.norm(new)])
+        self.coefficients = np.column_stack([self.coefficients, rest / np.linalg.norm(rest)])
         return True
 
-    def blocks_of(self, w: Array, free: Layout) -> list[str]:
-        """The names of the blocks that a motion w (n,) moves."""
-        least = max(SAME, self.space.same) * abs(w).max()
-        return [name for name, at in free.slices.items() if (abs(w[at]) > least).any()]
-
-    def does(self, v: Array, places: Index) -> bool:
+    def include(self, v: Array, places: Index) -> bool:
         """Whether some combination of them moves these unknowns as v (n,) does.
 
         Then another motion that does the same differs from it only in what others do.
         """
-        U = _range(self.space.basis[places] @ self.known, self.space.same)[0]
+        U = _truncated_svd(self.space.basis[places] @ self.coefficients, self.space.tolerance)[0]
         outside = v[places] - U @ (U.T @ v[places])
-        return bool(np.linalg.norm(outside) <= max(CLOSE, self.new) * np.linalg.norm(v[places]))
+        tolerance = max(COMBINATION_TOLERANCE, self.new_part)
+        return bool(np.linalg.norm(outside) <= tolerance * np.linalg.norm(v[places]))
 
 
 def gauges(
     problem: Problem,
     values: Values,
-    found: Found,
+    known: KnownMotions,
     pattern: csc_array,
     declared: Sequence[Gauge] = (),
 ) -> Iterator[GaugeMotion]:
@@ -206,76 +199,59 @@ def gauges(
     `pattern` (m, n) says which unknowns a row reads: points that no row ties together move
     independently of each other. A motion that adds nothing to those before it is left out.
     """
-    free, space = problem.free, found.space
+    free, space = problem.free, known.space
     for gauge in declared:
-        yield from (m for m in _declared(gauge, free, values, space) if found.adds(m.coefficients))
-    if found.all():
+        yield from (m for m in _declared(gauge, free, values, space) if known.add(m.coefficients))
+    yield from _of_generators(generators.rest(problem), free, known)
+    if known.complete():
         return
-    for generator in generators.rest(problem):
-        yield from _of_generator(generator, free, found)
-    if found.all():
-        return
-    blocks, islands, points = _looked_at(problem, space, pattern)
-    of_points = {b.name for cloud in points for b in cloud.blocks}
-    groups = list(generators.block_groups(free, blocks, islands))
-    if points and space.nearby:  # what scales with the points
-        yield from _of_groups([g for g in groups if g.factor], found, of_points)
-    for stage, several in enumerate(_catalogue(problem, space, blocks, points)):
-        for generator in several:
-            if found.all():
-                return
-            yield from _of_generator(generator, free, found)
-        if stage == 0:
-            yield from _of_groups(groups, found, of_points)
-
-
-def _looked_at(
-    problem: Problem, space: NullSpace, pattern: csc_array
-) -> tuple[list[Block], list[Index], list[Cloud]]:
-    """The blocks that turn no joints, the unknowns that rows tie together, and what is points."""
-    free = problem.free
     islands = _islands(free, pattern)
     posed = {name for tree in problem.trees for name in tree.blocks}
     blocks = [b for b in free.blocks if b.name not in posed]
-    points: list[Cloud] = []
-    for island in islands:
-        for cloud in generators.clouds(free, island, blocks):
-            enough = 1 if len(cloud.blocks) == 1 else cloud.places.shape[1]
-            if space.fixed(cloud.places.ravel()) >= enough and _are_points(cloud, space):
-                points.append(cloud)
-    return blocks, islands, points
+    points = [
+        cloud
+        for island in islands
+        for cloud in generators.clouds(free, island, blocks)
+        if _are_points(cloud, space)
+    ]
+    point_blocks = {b.name for cloud in points for b in cloud.blocks}
+    groups = list(generators.block_groups(free, blocks, islands))
+    if points and space.nearby:  # what scales with the points
+        yield from _of_groups([g for g in groups if g.factor], known, point_blocks)
+    before_groups, after_groups = _catalogue(problem, space, blocks, points)
+    yield from _of_generators(before_groups, free, known)
+    yield from _of_groups(groups, known, point_blocks)
+    yield from _of_generators(after_groups, free, known)
 
 
 def _catalogue(
     problem: Problem, space: NullSpace, blocks: Sequence[Block], points: Sequence[Cloud]
-) -> Iterator[Iterator[Generator]]:
-    """All generators of a problem, in two stages: numbers in a fixed ratio are asked in between."""
+) -> tuple[Iterator[Generator], Iterator[Generator]]:
+    """The generators to ask before numbers in a fixed ratio, and those to ask after these."""
     free = problem.free
-    of_points = {b.name for cloud in points for b in cloud.blocks}
+    point_blocks = {b.name for cloud in points for b in cloud.blocks}
     matrices = [
-        (b, what, at, b.name in of_points)
-        for b in (blocks if space.nearby else ())
-        if b.whole is None and b.shape
-        for what, at in generators.matrices(free, b, b.name in of_points)
+        matrix
+        for block in (blocks if space.nearby else ())
+        if block.whole is None and block.shape
+        for matrix in generators.matrices(free, block, block.name in point_blocks)
     ]
-    factors = [
-        (one[1], generator)
-        for one in matrices
-        if (generator := generators.factors_and_offsets(*one)) is not None
-    ]
+    small = [m for m in matrices if generators.may_scale(m)]
+    mixing = [m for m in matrices if generators.may_mix(m)]
     spatial = [b for b in free.blocks if b.unit in LENGTHS[1:] and b.shape in ((2,), (3,))]
-    coefficients = [m[:3] for m in matrices if not m[3] and generators.may_mix(*m[1:3])]
-    yield chain(
+    before_groups = chain(
         (generators.similarity(cloud) for cloud in points),
-        (generator for what, generator in factors if what),
+        (generators.factors_and_offsets(m) for m in small if m.column),
     )
-    yield chain(
-        (generator for what, generator in factors if not what),
+    after_groups = chain(
+        (generators.factors_and_offsets(m) for m in small if not m.column),
         (generators.bending(cloud) for cloud in points),
         generators.shifts(free, spatial),
         _turns(problem, space),
-        chain(*zip(*(generators.mixtures(*one) for one in coefficients), strict=True)),
+        (generators.column_sums(m) for m in mixing),
+        (generators.column_rotations(m) for m in mixing),
     )
+    return before_groups, after_groups
 
 
 def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
@@ -287,105 +263,123 @@ def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
     spatial = [b for b in free.blocks if b.shape == (3,) and b.unit in LENGTHS[1:]]
     spatial += [b for b in blocks if b.size == 3]
     roots = [np.array(tree.entries(0, free), dtype=np.int64) for tree in problem.trees]
-    moved = [(r, free.block_of(int(r[0]))[0]) for r in roots if len(r) == 3 and blocks]
-    moved += [(places_of(free, b), b) for b in blocks]
-    for at, block in moved:
+    turning = [(r, free.block_of(int(r[0]))[0]) for r in roots if len(r) == 3 and blocks]
+    turning += [(places_of(free, b), b) for b in blocks]
+    for places, block in turning:
         frames = [b for b in spatial if b is not block]
         if frames:
-            yield generators.turns(block, at, together(free, frames))
-        if len(at) > 3 or (space.nearby and space.fixed(at) > 1):
-            yield generators.turns(block, at, None)
+            yield generators.turns(block, places, together(free, frames))
+        if len(places) > 3 or (space.nearby and space.determined(places) > 1):
+            yield generators.turns(block, places, None)
 
 
 def _are_points(cloud: Cloud, space: NullSpace) -> bool:
-    """Whether the motions that others undo are such as points have, and not coefficients.
+    """Whether the rows of a cloud are points, and not rows of coefficients.
 
-    What is a point, and what a row of coefficients, no shape of an array tells. Rows are points if
-    a move of the plane at infinity is undone. With a unit of length they are unless all linear maps
-    are, and no translation; without one, if a rotation is, and no factor of a single column. Blocks
-    for each coordinate are if a rotation is.
+    The shape of an array does not tell, but the maps of its rows that other unknowns undo do:
+
+    - blocks of one coordinate each are points if a rotation is undone;
+    - rows are points if a move of the plane at infinity is undone;
+    - rows with a unit of length are, too, unless all linear maps are undone and no translation;
+    - rows without a unit are, too, if a rotation is undone, and no factor of a single column.
+
+    Where the others undo whatever the rows do, there is nothing to tell them by.
     """
-    d, at = cloud.places.shape[1], cloud.places.ravel()
-    every = generators.any_map(cloud)
-    Q = space.undone(every, np.setdiff1d(np.arange(len(space.x)), at))
-    lengths = space.in_columns(every)
-    linear = slice(d, d + d * d)
-    turns, scale = d * (d - 1) // 2, d + d * (d - 1) // 2
-    about_any_point = nothing(Q[d + turns :], CLOSE)  # shifts and turns alone
-    turned = np.linalg.norm((Q @ about_any_point)[d : d + turns]) > CLOSE
+    d = cloud.places.shape[1]
+    least_determined = 1 if len(cloud.blocks) == 1 else d
+    if space.determined(cloud.places.ravel()) < least_determined:
+        return False
+    maps = generators.any_map(cloud)
+    translations, rotations, scale, stretches, shears, projective = maps.slices()
+    Q = space.undone(maps, np.setdiff1d(np.arange(len(space.x)), cloud.places))
+    each_map = np.eye(len(Q))
+
+    rigid = Q @ null_basis(Q[scale.start :], COMBINATION_TOLERANCE)
+    rotation_undone = bool(np.linalg.norm(rigid[rotations]) > COMBINATION_TOLERANCE)
     if cloud.blocks[0].shape[-1] != d:  # a block for each coordinate
-        return bool(turned)
-    if _inside(Q, np.eye(len(Q))[:, -d:]).any():
+        return rotation_undone
+    if _inside(Q, each_map[:, projective]).any():
         return True
     if cloud.blocks[0].unit != "1":
-        shifts = np.eye(len(Q))[:, :d]
-        return not _inside(Q, np.eye(len(Q))[:, linear]).all() or bool(_inside(Q, shifts).any())
-    own = np.zeros((len(Q), d))  # the factor of each column, by the scale and the stretches
-    own[scale, -1], own[scale + 1 : scale + d] = 1.0, np.eye(d)[: d - 1]
-    own[scale + 1 : scale + d, -1] = -1.0
-    return bool(turned) and not _inside(Q, own * lengths[:, None]).any()
+        linear = each_map[:, rotations.start : shears.stop]
+        translation_undone = _inside(Q, each_map[:, translations]).any()
+        return bool(translation_undone or not _inside(Q, linear).all())
+    column_factors = np.zeros((len(Q), d))  # stretches; the last one is the scale without them
+    column_factors[stretches] = np.eye(d - 1, d)
+    column_factors[stretches, -1], column_factors[scale, -1] = -1.0, 1.0
+    column_factors *= space.column_lengths(maps)[:, None]
+    return rotation_undone and not _inside(Q, column_factors).any()
 
 
-def _inside(Q: Array, wanted: Array) -> Array:
-    """Which coefficients (g, w) lie in a space with the orthonormal basis Q (g, k): (w,)."""
-    W = wanted / np.linalg.norm(wanted, axis=0)
-    return np.asarray(np.linalg.norm(W - Q @ (Q.T @ W), axis=0) <= CLOSE)
+def _inside(Q: Array, combinations: Array) -> Mask:
+    """Which combinations (g, w) lie in a space with the orthonormal basis Q (g, k): (w,)."""
+    W = combinations / np.linalg.norm(combinations, axis=0)
+    outside = np.linalg.norm(W - Q @ (Q.T @ W), axis=0)
+    return np.asarray(outside <= COMBINATION_TOLERANCE)
 
 
-def _of_generator(generator: Generator, free: Layout, found: Found) -> Iterator[GaugeMotion]:
+def _of_generators(
+    catalogue: Iterable[Generator], free: Layout, known: KnownMotions
+) -> Iterator[GaugeMotion]:
+    """The motions of these generators that others undo, until all motions have a name."""
+    for generator in catalogue:
+        if known.complete():
+            return
+        yield from _of_generator(generator, free, known)
+
+
+def _of_generator(generator: Generator, free: Layout, known: KnownMotions) -> Iterator[GaugeMotion]:
     """The motions of a generator that others undo, each by the fewest of them."""
-    space, at = found.space, generator.places
+    space, places = known.space, generator.places
     others = generator.others
     if others is None:
-        others = np.setdiff1d(np.arange(free.size), at)
-        if not space.fixed(at):
+        others = np.setdiff1d(np.arange(free.size), places)
+        if not space.determined(places):
             return
-    lengths = space.in_columns(generator)
+    lengths = space.column_lengths(generator)
     Q = space.undone(generator, others)
     if not Q.shape[1]:
         return
-    for segment, c in _chosen(Q, generator):
-        v = space.moved(generator, c / lengths)
-        if np.linalg.norm(v) <= SAME * np.linalg.norm(c):
+    for segment, unit_c in _combinations(Q, generator):
+        c = unit_c / lengths
+        v = space.motion(generator, c)
+        if np.linalg.norm(v) <= INSIDE * np.linalg.norm(unit_c):
             continue  # such as a turn of points about the line on which they all lie
-        if not generator.with_others and found.does(v, at):
+        if not generator.needs_others and known.include(v, places):
             continue
-        for a in _ways(generator, v, c / lengths, others, space, free):
+        for a in _completions(generator, v, c, others, space, free):
             w = space.basis @ a
-            still = np.linalg.norm(w[others]) <= SAME * np.linalg.norm(w)
-            if not (generator.with_others and still) and found.adds(a):
-                said, blocks = segment.words(c / lengths), found.blocks_of(w, free)
-                title = _title(said, generator, c / lengths, w, blocks, free, space)
+            others_still = np.linalg.norm(w[others]) <= INSIDE * np.linalg.norm(w)
+            if not (generator.needs_others and others_still) and known.add(a):
+                title = _title(segment.words(c), generator, c, w, free, space)
                 yield GaugeMotion(segment.kind, title, a)
 
 
-def _chosen(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
+def _combinations(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
     """Combinations (g,) that span those in Q (g, k), by segments: single columns, where it may be.
 
     A combination has parts in earlier segments: a rotation about a point is a turn and a shift.
     """
-    first, g = 0, len(Q)
-    known = np.zeros((g, 0))
-    for segment in generator.segments:
-        own = slice(first, first + segment.width)
-        first += segment.width
+    g = len(Q)
+    earlier = np.zeros((g, 0))
+    for segment, part in zip(generator.segments, generator.slices(), strict=True):
         if generator.single:
-            unit = np.eye(g)[:, own]
+            unit = np.eye(g)[:, part]
             yield from ((segment, c) for c in unit[:, _inside(Q, unit)].T)
             continue
-        S = Q @ nothing(Q[first:], SAME) if first < g else Q
-        S = S - known @ (known.T @ S)
+        S = Q @ null_basis(Q[part.stop :], INSIDE) if part.stop < g else Q
+        S = S - earlier @ (earlier.T @ S)
         U, s, _ = np.linalg.svd(S, full_matrices=False)
-        S = U[:, s > SAME]
-        known = np.column_stack([known, S])
+        S = U[:, s > INSIDE]
+        earlier = np.column_stack([earlier, S])
         if S.shape[1]:
-            rows = S[own]
+            rows = S[part]
             pivots = np.sort(scipy.linalg.qr(rows.T, mode="r", pivoting=True)[1][: S.shape[1]])
             for c in (S @ np.linalg.pinv(rows[pivots])).T:
-                yield segment, np.where(abs(c) > SAME * abs(c).max(), c, 0.0)
+                yield segment, np.where(abs(c) > INSIDE * abs(c).max(), c, 0.0)
 
 
-def _ways(
+def _completions(
     generator: Generator,
     v: Array,
     c: Array,
@@ -393,122 +387,124 @@ def _ways(
     space: NullSpace,
     free: Layout,
 ) -> Iterator[Array]:
-    """The motions (d,) that are v (n,) but for what undoes it: nobody, each single block that can,
-    or the fewest blocks, one after the other being left out, the last ones first.
+    """The motions (d,) that are v (n,) but for the unknowns that undo it.
+
+    If v is a motion by itself, it is this one; or else one for each single block that can undo it;
+    or else one with the fewest blocks, found by leaving out one after the other, the last first.
     """
-    nobody, at = np.zeros(0, dtype=np.int64), generator.places
-    choice = _range(space.basis[at], space.same)[1].size < space.basis.shape[1]
-    if not choice:
-        yield space.whole(v, others)
+    rank = _truncated_svd(space.basis[generator.places], space.tolerance)[1].size
+    if rank == space.basis.shape[1]:  # one motion alone does what v does
+        yield space.completed(v, others)
         return
     along = generator._replace(columns=lambda x: (generator.columns(x) @ c)[:, None])
-    choices = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
-    choices = [some for some in choices if some.size]
-    few = len(v) * len(choices) <= LABOUR
-    single = [nobody, *choices] if few else [nobody]
-    alone = False
-    for some in single:
-        if space.undone(along, some).shape[1]:
-            yield space.whole(v, some)
-            alone = True
-            if not some.size:
-                return
-    if alone:
+
+    def undo_it(blocks: Sequence[Index]) -> bool:
+        return bool(space.undone(along, _joined(blocks)).size)
+
+    if undo_it([]):
+        yield space.completed(v, _joined([]))
         return
-    left = choices
-    for one in reversed(choices if few else []):
-        fewer = [some for some in left if some is not one]
-        if space.undone(along, np.concatenate([nobody, *fewer])).shape[1]:
-            left = fewer
-    yield space.whole(v, np.concatenate([nobody, *left]))
+    blocks = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
+    blocks = [places for places in blocks if places.size]
+    if len(v) * len(blocks) > MOST_TRIALS:
+        yield space.completed(v, others)
+        return
+    if able := [places for places in blocks if undo_it([places])]:
+        yield from (space.completed(v, places) for places in able)
+        return
+    needed = blocks
+    for places in reversed(blocks):
+        fewer = [kept for kept in needed if kept is not places]
+        if undo_it(fewer):
+            needed = fewer
+    yield space.completed(v, _joined(needed))
+
+
+def _joined(parts: Sequence[Index]) -> Index:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
 def _title(
-    said: str,
-    generator: Generator,
-    c: Array,
-    w: Array,
-    moved: Sequence[str],
-    free: Layout,
-    space: NullSpace,
+    motion: str, generator: Generator, c: Array, w: Array, free: Layout, space: NullSpace
 ) -> str:
     """`a rotation about x of points, undone by cam0, cam1 and cam2`; w (n,) is the whole motion."""
-    blocks = [free[name] for name in moved if name not in generator.blocks]
-    alike, d = [generator.name], generator.like
-    for block in [b for b in blocks if d and in_space(b) and b.shape[-1] == d]:
-        at = free.slices[block.name]
-        rows = generators.point_columns(space.x[at].reshape(-1, d))[:, : len(c)] @ c
-        same = rows * space.lengths[at] - w[at]
-        if np.linalg.norm(same) <= 10 * max(SAME, space.same) * np.linalg.norm(w):
+    moved = space.blocks_moved(w, free)
+    undoing = [free[name] for name in moved if name not in generator.blocks]
+    alike, d = [generator.name], generator.row_width
+    for block in [b for b in undoing if d and in_space(b) and b.shape[-1] == d]:
+        part = free.slices[block.name]
+        rows = generators.point_columns(space.x[part].reshape(-1, d))[:, : len(c)] @ c
+        difference = rows * space.lengths[part] - w[part]
+        if np.linalg.norm(difference) <= 10 * max(INSIDE, space.tolerance) * np.linalg.norm(w):
             alike.append(block.name)
-            blocks.remove(block)
-    back = things(free.names, [b.name for b in blocks])
-    return f"{said} of {listed(alike)}" + (f", undone by {listed(back)}" if back else "")
+            undoing.remove(block)
+    names = things(free.names, [b.name for b in undoing])
+    return f"{motion} of {listed(alike)}" + (f", undone by {listed(names)}" if names else "")
 
 
 # Numbers that change in a fixed ratio.
 
 
 def _of_groups(
-    groups: list[Group], found: Found, of_points: Collection[str] = ()
+    groups: list[Group], known: KnownMotions, point_blocks: Collection[str]
 ) -> Iterator[GaugeMotion]:
     """Offsets and factors of groups that cancel: combinations of few, the same ratio everywhere.
 
-    Offsets are asked first, then factors, then both. A factor `of_points` is called a scale.
+    Offsets are asked first, then factors, then both. A factor of points is called a scale.
     """
-    space = found.space
+    everywhere = bool(known.space.nearby)
     kinds = [[g for g in groups if not g.factor], [g for g in groups if g.factor]]
-    kinds += [groups] if space.nearby else []
-    for some in kinds:
-        if found.all() or len(some) > MANY:
+    kinds += [groups] if everywhere else []
+    for candidates in kinds:
+        if known.complete() or len(candidates) > MOST_GROUPS:
             continue
-        for parts, a in _cancelling(some, found):
+        for parts, a in _cancelling(candidates, known):
             # at one point alone, single numbers undo each other in ways that say nothing
-            if not space.nearby and max(group.places.size for group, _ in parts) == 1:
+            if not everywhere and max(group.places.size for group, _ in parts) == 1:
                 continue
-            named = _in_ratio(parts, exact=bool(space.nearby))
-            if named and found.adds(a):
+            named = _in_ratio(parts, exact=everywhere)
+            if named and known.add(a):
                 kind, title = named
-                if any(group.factor and group.block in of_points for group, _ in parts):
+                if any(group.factor and group.block in point_blocks for group, _ in parts):
                     title = title.replace("a common factor", "a scale", 1)
                 yield GaugeMotion(kind, title, a)
 
 
 def _cancelling(
-    groups: list[Group], found: Found
+    groups: Sequence[Group], known: KnownMotions
 ) -> Iterator[tuple[list[tuple[Group, float]], Array]]:
     """Combinations of few groups, with their amounts, that nothing else undoes: (d,) each."""
-    space = found.space
-    every = np.arange(len(space.x))
+    space = known.space
+    groups = [g for g in groups if g.column(space.x).any()]
+    if not groups:
+        return
 
     def columns(x: Array) -> Array:
         return np.column_stack([group.column(x) for group in groups])
 
-    groups = [g for g in groups if g.column(space.x).any()]
-    if not groups:
-        return
-    whole = Generator("", (), every, columns, ())
-    size = space.in_columns(whole)
-    C = space.undone(whole, every[:0])
-    D = columns(space.x) * space.lengths[:, None] / size
+    every_group = Generator("", (), np.arange(len(space.x)), columns, ())
+    lengths = space.column_lengths(every_group)
+    C = space.undone(every_group, _joined([]))
+    D = columns(space.x) * space.lengths[:, None] / lengths
     A = space.basis.T @ D @ C  # the coefficients (d, k) of the combinations
-    known = C @ nothing(A - found.known @ (found.known.T @ A), found.new)
-    U, s, _ = np.linalg.svd(C - known @ (known.T @ C), full_matrices=False)
+    named = known.coefficients
+    old = C @ null_basis(A - named @ (named.T @ A), known.new_part)
+    U, s, _ = np.linalg.svd(C - old @ (old.T @ C), full_matrices=False)
     each = np.sqrt([g.places.size for g in groups])[:, None]  # a group counts once, whatever size
-    fresh = U[:, s > 0.5] / each
-    if not fresh.shape[1]:
+    new = U[:, s > 0.5] / each
+    if not new.shape[1]:
         return
-    orthonormal = [np.linalg.qr(M)[0] if M.shape[1] else M for M in (fresh, known / each)]
+    orthonormal = [np.linalg.qr(M)[0] if M.shape[1] else M for M in (new, old / each)]
     for b in sparsest(*orthonormal).T:
         c = b * each[:, 0]
-        c[abs(c) < PART * abs(c).max()] = 0.0
+        c[abs(c) < TAKES_PART * abs(c).max()] = 0.0
         v = D @ c
         a = space.basis.T @ v
         # what is a small difference of large parts has to be a motion by itself
-        if np.linalg.norm(v) > SAME * np.linalg.norm(D * c) and np.linalg.norm(
+        if np.linalg.norm(v) > INSIDE * np.linalg.norm(D * c) and np.linalg.norm(
             v - space.basis @ a
-        ) <= 10 * space.same * np.linalg.norm(v):
-            amounts = c / size
+        ) <= 10 * space.tolerance * np.linalg.norm(v):
+            amounts = c / lengths
             yield [(g, float(x)) for g, x in zip(groups, amounts, strict=True) if x], a
 
 
@@ -519,7 +515,7 @@ def _in_ratio(parts: Sequence[tuple[Group, float]], exact: bool) -> tuple[str, s
     by_block: dict[str, list[float]] = {}
     for group, c in parts:
         by_block.setdefault(group.block, []).append(c)
-    alike = all(np.allclose(some, some[0], rtol=PART) for some in by_block.values())
+    alike = all(np.allclose(some, some[0], rtol=TAKES_PART) for some in by_block.values())
     rows = list(parts) if alike and len(by_block) < len(parts) else []
     main = factors or several or rows
     if not main:
@@ -528,12 +524,12 @@ def _in_ratio(parts: Sequence[tuple[Group, float]], exact: bool) -> tuple[str, s
     unit = abs(least) * np.sign(main[0][1])
     if not exact and not factors and not np.allclose([abs(c) for _, c in parts], abs(least)):
         return None
-    kind, said = ("scale", "a common factor") if factors else ("offset", "a common offset")
+    kind, motion = ("scale", "a common factor") if factors else ("offset", "a common offset")
     up = [_part(g, c / unit) for g, c in main if c / unit > 0]
     down = [_part(g, -c / unit) for g, c in main if c / unit < 0]
-    others = [g.name for g, _ in parts if all(g is not one for one, _ in main)]
+    others = [g.name for g, _ in parts if all(g is not leading for leading, _ in main)]
     down += [f"an offset of {name}" if factors else name for name in others]
-    return kind, f"{said} of {listed(up)}" + (f", undone by {listed(down)}" if down else "")
+    return kind, f"{motion} of {listed(up)}" + (f", undone by {listed(down)}" if down else "")
 
 
 def _part(group: Group, amount: float) -> str:
@@ -556,30 +552,32 @@ def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> boo
 def _declared(
     gauge: Gauge, free: Layout, values: Values, space: NullSpace
 ) -> Iterator[GaugeMotion]:
-    moved = gauge.change(dict(values))
-    at = together(free, list(moved))
-    changes = [free[name].taken(change).ravel() for name, change in moved.items()]
-    v = np.concatenate([np.zeros(0), *changes])[:, None]
-    here = NullSpace(space.x, space.lengths, space.basis, space.same)
+    """The motion that a user declares, if other unknowns undo it at this point."""
+    changes = gauge.change(dict(values))
+    names, places = list(changes), together(free, list(changes))
+    flat = [free[name].taken(change).ravel() for name, change in changes.items()]
+    column = np.concatenate([np.zeros(0), *flat])[:, None]
+    here = NullSpace(space.x, space.lengths, space.basis, space.tolerance)
     segment = Segment("gauge", 1, lambda c: gauge.name)
-    one = Generator(listed(list(moved)), tuple(moved), at, lambda x: v, (segment,))
-    others = np.setdiff1d(np.arange(free.size), at)
-    if v.any() and here.undone(one, others).shape[1]:
-        a = here.whole(here.moved(one, np.ones(1)), others)
-        w = here.basis @ a
-        blocks = Found(here).blocks_of(w, free)
-        yield GaugeMotion("gauge", _title(gauge.name, one, np.ones(1), w, blocks, free, here), a)
+    generator = Generator(listed(names), tuple(names), places, lambda x: column, (segment,))
+    others = np.setdiff1d(np.arange(free.size), places)
+    if column.any() and here.undone(generator, others).shape[1]:
+        c = np.ones(1)
+        a = here.completed(here.motion(generator, c), others)
+        title = _title(gauge.name, generator, c, here.basis @ a, free, here)
+        yield GaugeMotion("gauge", title, a)
 
 
 def _islands(free: Layout, pattern: csc_array) -> list[Index]:
     """The unknowns that rows tie together, directly or through others; points stay whole."""
-    group = np.zeros(free.size, dtype=np.int64)
+    point_of = np.zeros(free.size, dtype=np.int64)  # or the entry itself, where it is no point
     count = 0
     for block in free.blocks:
-        wide = block.shape[-1] if in_space(block) else 1
-        own = np.arange(block.size) // wide
-        group[free.slices[block.name]] = count + own
+        width = block.shape[-1] if in_space(block) else 1
+        own = np.arange(block.size) // width
+        point_of[free.slices[block.name]] = count + own
         count += int(own.max(initial=-1)) + 1
-    read = pattern.tocoo()
-    tied = coo_array((read.data, (read.row, group[read.col])), (pattern.shape[0], count))
-    return [np.flatnonzero(np.isin(group, groups)) for groups in tied_columns(tied)]
+    entries = pattern.tocoo()
+    places = (entries.row, point_of[entries.col])
+    tied = coo_array((entries.data, places), (pattern.shape[0], count))
+    return [np.flatnonzero(np.isin(point_of, points)) for points in tied_columns(tied)]

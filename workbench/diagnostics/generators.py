@@ -17,7 +17,7 @@ groups     offsets and factors of blocks, in a ratio that is the same everywhere
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +30,8 @@ from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.problem import Problem
 
 ANGLES = ("rad", "deg")
-LARGEST = 4_000_000  # numbers in the columns of a generator
-WIDEST = 24  # rows or columns among which every sum and every rotation is asked for
+MOST_NUMBERS = 4_000_000  # in the columns of a generator
+MOST_COLUMNS = 24  # of a matrix, up to which every sum and rotation of two is asked for
 ROUNDING = 1e-6  # of an axis: less is none
 
 
@@ -54,8 +54,8 @@ class Generator(NamedTuple):
         segments: what the columns are, in order. A combination may have parts in earlier segments.
         single: whether each column is asked for by itself, and not their combinations.
         others: the unknowns that may undo it; None for all others.
-        with_others: whether it counts only if others really move.
-        like: the width of rows that may move in the same way in other blocks; 0 for none.
+        needs_others: whether it counts only if others really move.
+        row_width: the width of rows that may move in the same way in other blocks; 0 for none.
     """
 
     name: str
@@ -65,8 +65,13 @@ class Generator(NamedTuple):
     segments: tuple[Segment, ...]
     single: bool = False
     others: Index | None = None
-    with_others: bool = False
-    like: int = 0
+    needs_others: bool = False
+    row_width: int = 0
+
+    def slices(self) -> list[slice]:
+        """The columns of each segment."""
+        stops = np.cumsum([segment.width for segment in self.segments]).tolist()
+        return [slice(start, stop) for start, stop in pairwise([0, *stops])]
 
 
 class Group(NamedTuple):
@@ -97,8 +102,8 @@ class Cloud(NamedTuple):
 
 def places_of(free: Layout, block: Block | str) -> Index:
     """The places of a block's entries among the free numbers."""
-    at = free.slices[block if isinstance(block, str) else block.name]
-    return np.arange(at.start, at.stop)
+    part = free.slices[block if isinstance(block, str) else block.name]
+    return np.arange(part.start, part.stop)
 
 
 def together(free: Layout, blocks: Sequence[Block | str]) -> Index:
@@ -122,13 +127,13 @@ def clouds(free: Layout, island: Index, blocks: Sequence[Block]) -> Iterator[Clo
     for d in (2, 3):
         single = [b for b in lengths if b.shape == (d,)]
         if len(single) > 1:
-            at = np.array([places_of(free, b) for b in single])
-            yield Cloud(listed([b.name for b in single]), tuple(single), at)
+            places = np.array([places_of(free, b) for b in single])
+            yield Cloud(listed([b.name for b in single]), tuple(single), places)
     for size in sorted({b.size for b in lengths if b.size > 3}):
         alike = [b for b in lengths if b.size == size]
         if len(alike) in (2, 3):
-            at = np.column_stack([places_of(free, b) for b in alike])
-            yield Cloud(listed([b.name for b in alike]), tuple(alike), at)
+            places = np.column_stack([places_of(free, b) for b in alike])
+            yield Cloud(listed([b.name for b in alike]), tuple(alike), places)
 
 
 def point_columns(X: Array) -> Array:
@@ -161,57 +166,61 @@ def similarity(cloud: Cloud) -> Generator:
         Segment("rotation", turns, lambda c: _rotation(c, d)),
         Segment("scale", 1, lambda c: "a scale" + _about(-c[:d] / c[d + turns], c[:d])),
     )
-    like = d if cloud.blocks[0].shape[-1] == d else 0
-    return _of_points(cloud, 0, d + turns + 1, segments, like=like)
+    row_width = d if cloud.blocks[0].shape[-1] == d else 0
+    return _of_points(cloud, 0, segments, row_width=row_width)
 
 
 def bending(cloud: Cloud) -> Generator:
     """Stretches and shears of points, and moves of the plane, or line, at infinity."""
     d = cloud.places.shape[1]
     plane = "line" if d == 2 else "plane"
-    said = [f"a stretch along {axis}" for axis in "xyz"[: d - 1]]
-    said += [f"a shear of {'xyz'[i]} and {'xyz'[j]}" for i, j in combinations(range(d), 2)]
-    moved = [f"a move of the {plane} at infinity along {axis}, a projective map" for axis in "xyz"]
+    mixings = [f"a stretch along {axis}" for axis in "xyz"[: d - 1]]
+    mixings += [f"a shear of {'xyz'[i]} and {'xyz'[j]}" for i, j in combinations(range(d), 2)]
+    maps = [f"a move of the {plane} at infinity along {axis}, a projective map" for axis in "xyz"]
     segments = (
-        Segment("mixing", len(said), lambda c: said[int(np.argmax(abs(c)))]),
-        Segment("projective", d, lambda c: moved[int(np.argmax(abs(c))) - len(said)]),
+        Segment("mixing", len(mixings), lambda c: mixings[int(np.argmax(abs(c)))]),
+        Segment("projective", d, lambda c: maps[int(np.argmax(abs(c))) - len(mixings)]),
     )
-    first = d + len(_planes(d)) + 1
-    return _of_points(cloud, first, first + len(said) + d, segments, single=True)
+    return _of_points(cloud, d + len(_planes(d)) + 1, segments, single=True)
 
 
 def any_map(cloud: Cloud) -> Generator:
     """All motions of points at once, to tell points from rows of coefficients."""
     d = cloud.places.shape[1]
-    count = 2 * d + d * d
-    return _of_points(cloud, 0, count, (Segment("", count, lambda c: ""),))
+    turns = len(_planes(d))
+    widths = {"translation": d, "rotation": turns, "scale": 1}
+    widths |= {"stretch": d - 1, "shear": turns, "projective": d}
+    segments = tuple(Segment(kind, width, lambda c: "") for kind, width in widths.items())
+    return _of_points(cloud, 0, segments)
 
 
 def _of_points(
     cloud: Cloud,
     first: int,
-    last: int,
     segments: tuple[Segment, ...],
     *,
     single: bool = False,
-    like: int = 0,
+    row_width: int = 0,
 ) -> Generator:
-    places = cloud.places
+    """A generator of points by some of their columns, from the `first` on."""
+    places, stop = cloud.places, first + sum(segment.width for segment in segments)
 
     def columns(x: Array) -> Array:
-        return point_columns(x[places])[:, first:last]
+        return point_columns(x[places])[:, first:stop]
 
     names = tuple(b.name for b in cloud.blocks)
-    return Generator(cloud.name, names, places.ravel(), columns, segments, single, like=like)
+    return Generator(
+        cloud.name, names, places.ravel(), columns, segments, single, row_width=row_width
+    )
 
 
 def _rotation(c: Array, d: int) -> str:
-    """`a rotation about x`, with the point that it holds where that is not the origin."""
+    """`a rotation about x`, with the point that stays in place where that is not the origin."""
     t, w = c[:d], c[d : d + len(_planes(d))]
     if d == 2:
         return "a rotation" + _about(np.array([-t[1], t[0]]) / w[0], t)
-    held = np.cross(w, t) / (w @ w)
-    return f"a rotation about {axis_of(w)}" + _about(held, t).replace("about", "through")
+    center = np.cross(w, t) / (w @ w)
+    return f"a rotation about {axis_of(w)}" + _about(center, t).replace("about", "through")
 
 
 def _about(place: Array, shift: Array) -> str:
@@ -223,8 +232,8 @@ def _about(place: Array, shift: Array) -> str:
 def axis_of(v: Array) -> str:
     """The name of an axis (d,): `x`, or the vector `(0.6, 0.8, 0)`."""
     v = v / np.linalg.norm(v)
-    main = int(np.argmax(abs(v)))
-    return "xyz"[main] if abs(v[main]) > 1 - ROUNDING else _place(v)
+    largest = int(np.argmax(abs(v)))
+    return "xyz"[largest] if abs(v[largest]) > 1 - ROUNDING else _place(v)
 
 
 def _place(v: Array) -> str:
@@ -235,78 +244,104 @@ def _place(v: Array) -> str:
 # Matrices of coefficients.
 
 
-def matrices(free: Layout, block: Block, points: bool) -> Iterator[tuple[str, Index]]:
-    """The rows, columns or other slices of an array (N, h): what they are, and their places.
+class Matrix(NamedTuple):
+    """An array (N, h) of coefficients, whose columns may have factors and offsets, or mix.
 
-    A vector is one column without a name. Of points only rows may have factors of their own.
+    Attributes:
+        block: the block that they belong to.
+        column: what a column is called: `row`, `column` or `slice 0,` of the block; empty for a
+            vector, which is one column.
+        places: (N, h) their places among the free numbers.
+        points: whether the block's rows are points.
     """
-    at = places_of(free, block).reshape(block.shape)
+
+    block: Block
+    column: str
+    places: Index
+    points: bool
+
+
+def matrices(free: Layout, block: Block, points: bool) -> Iterator[Matrix]:
+    """The rows, the columns or other slices of an array. Of points, only the rows."""
+    places = places_of(free, block).reshape(block.shape)
     if len(block.shape) == 1 and block.size > 1:
-        yield "", at[:, None]
+        yield Matrix(block, "", places[:, None], points)
     if len(block.shape) == 2 and min(block.shape) > 1:
-        yield "row", at.T
+        yield Matrix(block, "row", places.T, points)
         if not points:
-            yield "column", at
+            yield Matrix(block, "column", places, points)
     if len(block.shape) > 2:
         for axis, h in enumerate(block.shape):
             if h < block.size:
-                yield f"slice {axis},", np.moveaxis(at, axis, -1).reshape(-1, h)
+                by_slice = np.moveaxis(places, axis, -1).reshape(-1, h)
+                yield Matrix(block, f"slice {axis},", by_slice, points)
 
 
-def factors_and_offsets(block: Block, what: str, places: Index, points: bool) -> Generator | None:
-    """A factor of one column of A, or the same amount added to it."""
+def may_scale(matrix: Matrix) -> bool:
+    """Whether columns are asked for factors and offsets: not in a very large matrix."""
+    return bool(2 * matrix.places.size * matrix.places.shape[1] <= MOST_NUMBERS)
+
+
+def factors_and_offsets(matrix: Matrix) -> Generator:
+    """A factor of one column of A, or the same amount added to it; of points, factors alone."""
+    places, points = matrix.places, matrix.points
     N, h = places.shape
-    if N * h * 2 * h > LARGEST:
-        return None
 
     def columns(x: Array) -> Array:
-        found = np.zeros((N, h, h if points else 2 * h))
+        D = np.zeros((N, h, h if points else 2 * h))
         each = np.arange(h)
-        found[:, each, each] = x[places]
+        D[:, each, each] = x[places]
         if not points:
-            found[:, each, h + each] = 1.0
-        return found.reshape(N * h, -1)
+            D[:, each, h + each] = 1.0
+        return D.reshape(N * h, -1)
 
-    def words(said: str, c: Array, first: int) -> str:
+    def words(motion: str, c: Array, first: int) -> str:
         k = int(np.argmax(abs(c))) - first
-        return f"{said} of {what} {k}" if what else said
+        return f"{motion} of {matrix.column} {k}" if matrix.column else motion
 
-    one = "a factor" if what else "a common factor"
-    segments = [Segment("scale", h, lambda c: words(one, c, 0))]
+    factor = "a factor" if matrix.column else "a common factor"
+    segments = [Segment("scale", h, lambda c: words(factor, c, 0))]
     if not points:
         segments.append(Segment("offset", h, lambda c: words("a common offset", c, h)))
-    return Generator(
-        block.name, (block.name,), places.ravel(), columns, tuple(segments), single=True
-    )
+    name = matrix.block.name
+    return Generator(name, (name,), places.ravel(), columns, tuple(segments), single=True)
 
 
-def may_mix(what: str, places: Index) -> bool:
-    """Whether columns of A (N, h) are asked whether they mix."""
-    h = places.shape[1]
-    return bool(what) and h <= WIDEST and places.size * h * h <= LARGEST
+def may_mix(matrix: Matrix) -> bool:
+    """Whether columns are asked whether they mix: not those of points or of a large matrix."""
+    h = matrix.places.shape[1]
+    small = h <= MOST_COLUMNS and matrix.places.size * h * h <= MOST_NUMBERS
+    return bool(matrix.column) and not matrix.points and small
 
 
-def mixtures(block: Block, what: str, places: Index) -> Iterator[Generator]:
-    """One column of A added to another, then rotations among them."""
-    h = places.shape[1]
+def column_sums(matrix: Matrix) -> Generator:
+    """One column of A added to another."""
+    name, h = matrix.block.name, matrix.places.shape[1]
     pairs = [(i, j) for i, j in np.ndindex(h, h) if i != j]
+
+    def words(c: Array) -> str:
+        i, j = pairs[int(np.argmax(abs(c)))]
+        return f"{matrix.column} {i} added to {matrix.column} {j}"
+
+    columns = _mixing(matrix.places, [[(i, j, 1.0)] for i, j in pairs])
+    segment = Segment("mixing", len(pairs), words)
+    return Generator(name, (name,), matrix.places.ravel(), columns, (segment,), single=True)
+
+
+def column_rotations(matrix: Matrix) -> Generator:
+    """Rotations among the columns of A."""
+    name, h = matrix.block.name, matrix.places.shape[1]
     planes = list(combinations(range(h), 2))
 
-    def added(c: Array) -> str:
-        i, j = pairs[int(np.argmax(abs(c)))]
-        return f"{what} {i} added to {what} {j}"
-
-    def turned(c: Array) -> str:
+    def words(c: Array) -> str:
         k = int(np.argmax(abs(c)))
         if abs(c[k]) < (1 - ROUNDING) * np.linalg.norm(c):
-            return f"a rotation of the {what}s"
-        return f"a rotation of {what}s {planes[k][0]} and {planes[k][1]}"
+            return f"a rotation of the {matrix.column}s"
+        return f"a rotation of {matrix.column}s {planes[k][0]} and {planes[k][1]}"
 
-    own = (block.name, (block.name,), places.ravel())
-    sums = _mixing(places, [[(i, j, 1.0)] for i, j in pairs])
-    yield Generator(*own, sums, (Segment("mixing", len(pairs), added),), single=True)
-    turns = _mixing(places, [[(i, j, 1.0), (j, i, -1.0)] for i, j in planes])
-    yield Generator(*own, turns, (Segment("rotation", len(planes), turned),))
+    columns = _mixing(matrix.places, [[(i, j, 1.0), (j, i, -1.0)] for i, j in planes])
+    segment = Segment("rotation", len(planes), words)
+    return Generator(name, (name,), matrix.places.ravel(), columns, (segment,))
 
 
 def _mixing(
@@ -316,11 +351,11 @@ def _mixing(
 
     def columns(x: Array) -> Array:
         A = x[places]
-        found = np.zeros((*A.shape, len(maps)))
+        D = np.zeros((*A.shape, len(maps)))
         for k, entries in enumerate(maps):
             for i, j, value in entries:
-                found[:, j, k] += value * A[:, i]
-        return found.reshape(-1, len(maps))
+                D[:, j, k] += value * A[:, i]
+        return D.reshape(-1, len(maps))
 
     return columns
 
@@ -340,7 +375,7 @@ def shifts(free: Layout, spatial: Sequence[Block]) -> Iterator[Generator]:
                 _identity(block.size),
                 (Segment("translation", block.size, _along),),
                 others=together(free, others),
-                with_others=True,
+                needs_others=True,
             )
 
 
@@ -353,18 +388,25 @@ def _along(c: Array) -> str:
     return f"a translation along {axis_of(c)}"
 
 
-def turns(block: Block, at: Index, frames: Index | None) -> Generator:
+def turns(block: Block, places: Index, frames: Index | None) -> Generator:
     """Rotation vectors (K, 3) turn about an axis of the world.
 
     What undoes that are the `frames`, or anything if they are None.
     """
 
     def columns(x: Array) -> Array:
-        return np.asarray(inverse_left_jacobian(x[at].reshape(-1, 3)).reshape(-1, 3))
+        return np.asarray(inverse_left_jacobian(x[places].reshape(-1, 3)).reshape(-1, 3))
 
-    segments = (Segment("rotation", 3, lambda c: f"a rotation about {axis_of(c)}"),)
-    alone = len(at) == 3
-    return Generator(block.name, (block.name,), at, columns, segments, False, frames, alone)
+    segment = Segment("rotation", 3, lambda c: f"a rotation about {axis_of(c)}")
+    return Generator(
+        block.name,
+        (block.name,),
+        places,
+        columns,
+        (segment,),
+        others=frames,
+        needs_others=len(places) == 3,
+    )
 
 
 # Groups of numbers.
@@ -402,19 +444,19 @@ def rest(problem: Problem) -> Iterator[Generator]:
     free = problem.free
     sources = [getattr(points.source, "rest", None) for points in problem.points]
     subjects: dict[tuple[str | None, str | None], list[Rest]] = {}
-    for one in (source for source in sources if source is not None):
-        if one.trans not in free.slices:
+    for source in (source for source in sources if source is not None):
+        if source.trans not in free.slices:
             return
-        subjects.setdefault((one.template, one.joints), []).append(one)
+        subjects.setdefault((source.template, source.joints), []).append(source)
     for (template, joints), scans in subjects.items():
-        back = together(free, list(dict.fromkeys(one.trans for one in scans)))
+        undoing = together(free, list(dict.fromkeys(scan.trans for scan in scans)))
         names = [name for name in (template, joints) if name and name in free.slices]
         moved = [(listed(names), names, together(free, names))] if names else []
         if joints and joints in free.slices:
             moved.append((f"{joints}[root]", [joints], places_of(free, joints)[:3]))
-        for name, blocks, at in moved:
+        for name, blocks, places in moved:
             segment = Segment("translation", 3, _along)
-            columns = _identity(3, len(at) // 3)
+            columns = _identity(3, len(places) // 3)
             yield Generator(
-                name, tuple(blocks), at, columns, (segment,), others=back, with_others=True
+                name, tuple(blocks), places, columns, (segment,), others=undoing, needs_others=True
             )

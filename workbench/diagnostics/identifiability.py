@@ -22,8 +22,8 @@ from workbench.problem import Linearization
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
 
-MOST = 20  # correlations that are listed
-STRONG = 0.5  # size from which on a correlation is listed
+MOST_CORRELATIONS = 20  # that are listed
+STRONG_CORRELATION = 0.5  # size from which on one is listed
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data added nothing
 
 
@@ -116,8 +116,8 @@ def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:
     if not prior_rows.any():
         return np.ones(half.shape[1])
     from_priors = here.rows(np.flatnonzero(prior_rows)).along(half)  # Q_p, rotated
-    left = np.linalg.eigvalsh(from_priors.T @ from_priors)  # 1 - c^2, rising
-    return np.asarray(np.clip(1 - left, 0.0, 1.0))
+    prior_share = np.linalg.eigvalsh(from_priors.T @ from_priors)  # 1 - c^2, rising
+    return np.asarray(np.clip(1 - prior_share, 0.0, 1.0))
 
 
 def sigma_of_priors(here: Linearization, prior_rows: Mask) -> Array:
@@ -156,10 +156,12 @@ def _correlated(half: Array, null: Mask) -> tuple[tuple[int, int, float], ...]:
     known = np.flatnonzero(~null)
     rows = half[known] / np.maximum(np.linalg.norm(half[known], axis=1), 1e-300)[:, None]
     C = np.triu(rows @ rows.T, 1)
-    order = np.argsort(-abs(C), axis=None)[:MOST]
+    order = np.argsort(-abs(C), axis=None)[:MOST_CORRELATIONS]
     pairs = [(int(a), int(b)) for a, b in zip(*np.unravel_index(order, C.shape), strict=True)]
     return tuple(
-        (int(known[a]), int(known[b]), float(C[a, b])) for a, b in pairs if abs(C[a, b]) > STRONG
+        (int(known[a]), int(known[b]), float(C[a, b]))
+        for a, b in pairs
+        if abs(C[a, b]) > STRONG_CORRELATION
     )
 
 
@@ -192,18 +194,19 @@ def contributions(
     m = constrained.here.shape[0]
     rank, sigma = _known(constrained, sizes, free)
     parts = []
-    for term, part in rows.items():
-        left = np.delete(np.arange(m), part)
-        rank_without, without = _known(constrained.only(left), sizes, free)
-        parts.append(Contribution(term, rank_without, rank, without, sigma))
+    for residual, part in rows.items():
+        others = np.delete(np.arange(m), part)
+        rank_without, sigma_without = _known(constrained.only(others), sizes, free)
+        parts.append(Contribution(residual, rank_without, rank, sigma_without, sigma))
     return tuple(parts)
 
 
 def _known(
     constrained: ConstrainedJacobian, sizes: Array, free: Layout
 ) -> tuple[int, dict[str, float]]:
+    """The rank, and by block the root mean square of the standard deviations."""
     if not constrained.here.shape[0]:
         return constrained.count, dict.fromkeys(free.names, np.inf)
     variance = (constrained.measured(sizes).laplace[0] * sizes) ** 2
-    rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
+    rms = {name: float(np.sqrt(np.mean(variance[part]))) for name, part in free.slices.items()}
     return constrained.rank, rms

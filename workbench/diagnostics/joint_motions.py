@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, Tree
 
-MOVES = 0.1  # of the largest entry: a motion is not named by joints of a limb that turn less
+LIMB_TAKES_PART = 0.1  # of the largest entry: joints of a limb that turn less do not name a motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +47,21 @@ class JointNullMotion:
         if self.tree is None:
             return self.name, self.joints
         v = np.linalg.norm(v.reshape(-1, free.size), axis=0)
-        tree, largest = self.tree, float(abs(v).max())
-        angles = [np.linalg.norm(v[tree.entries(k, free)]) for k in range(len(tree.names))]
-        moves = MOVES if self.kind == "joint" else least
-        turned = [int(k) for k in np.flatnonzero(np.array(angles) > moves * largest)]
+        tree = self.tree
+        least = (LIMB_TAKES_PART if self.kind == "joint" else least) * float(abs(v).max())
+        turned = [
+            k for k in range(len(tree.names)) if np.linalg.norm(v[tree.entries(k, free)]) > least
+        ]
         names = tuple(tree.names[k] for k in turned)
-        undone = self.undone_by
-        if undone and np.linalg.norm(v[free.slices[undone]]) <= moves * largest:
-            undone = ""
-        if self.joints and set(names) == set(self.joints) and undone == self.undone_by:
+        undone_by = self.undone_by
+        if undone_by and np.linalg.norm(v[free.slices[undone_by]]) <= least:
+            undone_by = ""
+        if self.joints and set(names) == set(self.joints) and undone_by == self.undone_by:
             return self.name, self.joints
         name = _turns(tree, turned)
-        return (f"{name}, undone by {undone}" if undone else name), names if self.joints else ()
+        if undone_by:
+            name = f"{name}, undone by {undone_by}"
+        return name, names if self.joints else ()
 
 
 def joint_motions(free: Layout, trees: Sequence[Tree]) -> Iterator[JointNullMotion]:
@@ -81,11 +84,18 @@ def joint_motions(free: Layout, trees: Sequence[Tree]) -> Iterator[JointNullMoti
     places = [b for b in places if all(b.name not in tree.blocks for tree in moving)]
     for tree in moving:
         for block in places:
-            moves = range(free.slices[block.name].start, free.slices[block.name].stop)
+            part = free.slices[block.name]
             for k, name in enumerate(tree.names):
                 if turn := tree.entries(k, free):
                     motion = f"a turn of {tree.called(k)}, undone by {block.name}"
-                    yield _motion("twist", motion, (name,), [*turn, *moves], tree, block.name)
+                    yield _motion(
+                        "twist",
+                        motion,
+                        (name,),
+                        [*turn, *range(part.start, part.stop)],
+                        tree,
+                        block.name,
+                    )
     for tree in moving:
         yield from _limbs(free, tree)
 
@@ -98,18 +108,18 @@ def _motion(
     tree: Tree | None = None,
     undone_by: str = "",
 ) -> JointNullMotion:
-    at: NDArray[np.int64] = np.array(entries, dtype=np.int64)
-    return JointNullMotion(kind, name, joints, at, tree, undone_by)
+    places: NDArray[np.int64] = np.array(entries, dtype=np.int64)
+    return JointNullMotion(kind, name, joints, places, tree, undone_by)
 
 
 def _pairs(free: Layout, tree: Tree) -> Iterator[JointNullMotion]:
     """A joint turns, and one below it turns back: nearest relatives first."""
     related = []
     for k in range(len(tree.parents)):
-        above, apart = tree.parents[k], 1
+        above, distance = tree.parents[k], 1
         while above >= 0:
-            related.append((apart, above, k))
-            above, apart = tree.parents[above], apart + 1
+            related.append((distance, above, k))
+            above, distance = tree.parents[above], distance + 1
     for _, above, k in sorted(related):
         names = tree.names[above], tree.names[k]
         turn, back = tree.entries(above, free), tree.entries(k, free)

@@ -20,8 +20,8 @@ from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, joined
 from workbench.problem import Problem
 
-LISTED = 15  # names in a report
-PART = 0.1  # of a unit vector: what a block has to hold to be named
+MOST_LISTED = 15  # names in a report
+NAMED_PART = 0.1  # of a unit vector: what a block has to hold to be named
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ class PointsDiagnosis:
     @property
     def everywhere(self) -> tuple[Recurring, ...]:
         """The directions that are null at every point."""
-        return tuple(one for one in self.null if one.count == self.count)
+        return tuple(family for family in self.null if family.count == self.count)
 
     @property
     def somewhere(self) -> tuple[Recurring, ...]:
         """The directions that are null at some points and not at others."""
-        return tuple(one for one in self.null if one.count < self.count)
+        return tuple(family for family in self.null if family.count < self.count)
 
     def report(self) -> str:
         """All of it in sentences."""
@@ -89,16 +89,17 @@ class PointsDiagnosis:
             ("weak: a characteristic scale changes the residuals by less than a sigma", self.weak),
         ):
             if directions:
-                lines += ["", title, *(f"  {self._said(one)}" for one in directions[:LISTED])]
-                if len(directions) > LISTED:
-                    lines.append(f"  and {counted(len(directions) - LISTED, 'further name')}")
+                shown = directions[:MOST_LISTED]
+                lines += ["", title, *(f"  {self._in_words(family)}" for family in shown)]
+                if len(directions) > MOST_LISTED:
+                    lines.append(f"  and {counted(len(directions) - MOST_LISTED, 'further name')}")
         return "\n".join(lines)
 
-    def _said(self, one: Recurring) -> str:
-        several = f", up to {one.most} at one point" if one.most > 1 else ""
-        if one.count == self.count:
-            return f"{one.name}{several}"
-        return f"{one.name}: at {one.count} of {self.count} points{several}"
+    def _in_words(self, family: Recurring) -> str:
+        several = f", up to {family.most} at one point" if family.most > 1 else ""
+        if family.count == self.count:
+            return f"{family.name}{several}"
+        return f"{family.name}: at {family.count} of {self.count} points{several}"
 
 
 def diagnose_over(
@@ -128,18 +129,18 @@ def diagnose_over(
     weak: dict[str, Counter[int]] = {}
     names = priors if isinstance(priors, str) else tuple(priors)
     declared = tuple(gauges)
-    for number, at in enumerate(points):
-        here = diagnose_whole(problem, at, priors=names, gauges=declared)
-        ranks.append(here.rank)
-        for counts, directions in ((null, here.null_directions), (weak, here.weak_directions)):
-            for one in directions:
-                counts.setdefault(_family(one, problem.free), Counter())[number] += 1
+    for number, point in enumerate(points):
+        d = diagnose_whole(problem, point, priors=names, gauges=declared)
+        ranks.append(d.rank)
+        for counts, directions in ((null, d.null_directions), (weak, d.weak_directions)):
+            for direction in directions:
+                counts.setdefault(_family(direction, problem.free), Counter())[number] += 1
         if progress is not None:
             progress(number + 1)
     if not ranks:
         raise BadArgument("there is no point to diagnose at; give the values of one or more")
-    null_ones, weak_ones = _by_frequency(null), _by_frequency(weak)
-    return PointsDiagnosis(problem.free.size, np.array(ranks), null_ones, weak_ones)
+    n = problem.free.size
+    return PointsDiagnosis(n, np.array(ranks), _by_frequency(null), _by_frequency(weak))
 
 
 def _family(direction: Direction, free: Layout) -> str:
@@ -147,13 +148,15 @@ def _family(direction: Direction, free: Layout) -> str:
     if title := direction.name.removesuffix(direction.terms).removesuffix(": "):
         return title
     v = abs(direction.vector)
-    moved = [name for name, part in free.slices.items() if v[part].max(initial=0) > PART]
+    moved = [name for name, part in free.slices.items() if v[part].max(initial=0) > NAMED_PART]
     return f"mixed directions of {joined(moved)}"
 
 
 def _by_frequency(families: Mapping[str, Counter[int]]) -> tuple[Recurring, ...]:
-    ranked = [Recurring(name, len(at), max(at.values())) for name, at in families.items()]
-    return tuple(sorted(ranked, key=lambda one: (-one.count, one.name)))
+    recurring = [
+        Recurring(name, len(counts), max(counts.values())) for name, counts in families.items()
+    ]
+    return tuple(sorted(recurring, key=lambda family: (-family.count, family.name)))
 
 
 def prior_draws(

@@ -7,7 +7,6 @@ free), 3 for each joint with several children, 2 for each with one, 0 for a leaf
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
@@ -19,10 +18,7 @@ from workbench.blocks.functions import Buffered
 from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Problem
 
-if TYPE_CHECKING:
-    pass
-
-SMALL = 1e-9  # of a singular value, bones having length 1
+RANK_TOLERANCE = 1e-9  # of a singular value, bones having length 1
 
 
 def rank_of_observed_joints(
@@ -49,9 +45,9 @@ def rank_of_observed_joints(
         for c in children[k]:
             e = joints[c] - joints[k]
             length = float(np.linalg.norm(e)) or 1.0
-            left = np.eye(3) - hidden[c] @ hidden[c].T  # what c cannot hide
-            turns.append(left @ _cross(e / length))  # of w -> w x e, up to sign
-            moves.append(left / length)
+            visible = np.eye(3) - hidden[c] @ hidden[c].T  # what c cannot hide
+            turns.append(visible @ _cross(e / length))  # of w -> w x e, up to sign
+            moves.append(visible / length)
         by_turn = np.vstack([np.zeros((0, 3)), *turns])
         rho = _rank(by_turn)
         rank += rho
@@ -60,9 +56,9 @@ def rank_of_observed_joints(
         # moves of k that some turn of k can undo at every child
         by_move = np.vstack([np.zeros((0, 3)), *moves])
         column_space = np.linalg.svd(by_turn, full_matrices=False)[0][:, :rho]
-        remains = by_move - column_space @ (column_space.T @ by_move)
-        _, s, Vt = np.linalg.svd(remains, full_matrices=True)
-        hidden[k] = Vt[int(np.sum(s > SMALL * max(1.0, s.max(initial=0.0)))) :].T
+        not_undone = by_move - column_space @ (column_space.T @ by_move)
+        _, s, Vt = np.linalg.svd(not_undone, full_matrices=True)
+        hidden[k] = Vt[int(np.sum(s > RANK_TOLERANCE * max(1.0, s.max(initial=0.0)))) :].T
     return rank + (3 - hidden[0].shape[1] if translation else 0)
 
 
@@ -72,10 +68,10 @@ def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | N
     None unless every residual reads the joints of one body, and nothing is free but its pose and
     perhaps its translation.
     """
-    found = _only_joints(problem, at)
-    if found is None:
+    observed = _only_joints(problem, at)
+    if observed is None:
         return None
-    tree, joints, seen = found
+    tree, joints, seen = observed
     moving = len(problem.free.names) > 1
     rank = rank_of_observed_joints(tree.parents, joints, seen, translation=moving)
     if len(seen) == len(tree.parents):
@@ -89,9 +85,9 @@ def _only_joints(
     """The tree, the posed joints (K, 3) m and which of them are read, if the law applies."""
     if len(problem.points) != 1:
         return None
-    (found,) = problem.points
-    tree, free = found.source.tree, problem.free
-    if tree is None or not tree.rigid_bones or found.labels != tree.names:
+    (points,) = problem.points
+    tree, free = points.source.tree, problem.free
+    if tree is None or not tree.rigid_bones or points.labels != tree.names:
         return None
     if sum(p < 0 for p in tree.parents) != 1:
         return None
@@ -103,15 +99,14 @@ def _only_joints(
     others = [block for block in free.blocks if block.name not in tree.blocks]
     if [block.shape for block in others] not in ([], [(3,)]) or free.parts:
         return None
-    if isinstance(found.source, BodySource) and others:
-        maps = found.source.arguments.maps
+    if isinstance(points.source, BodySource) and others:
+        maps = points.source.arguments.maps
         if maps is None or maps[2].plain != others[0].name:
             return None
     stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])
-    own = {s.name() for s in cs.symvar(stacked)} & set(free.names)
-    if own:  # a prior, or a residual of another kind
-        return None
-    by_points = cs.jacobian_sparsity(stacked, found.symbol)
+    if {s.name() for s in cs.symvar(stacked)} & set(free.names):
+        return None  # a prior, or a residual of another kind
+    by_points = cs.jacobian_sparsity(stacked, points.symbol)
     starts, rows = by_points.get_ccs()
     reads = np.diff(starts).reshape(-1, 3)
     # the law counts whole positions: every coordinate read, each by rows of its own
@@ -120,21 +115,21 @@ def _only_joints(
     seen = reads.all(axis=1)
     if (reads.any(axis=1) != seen).any():
         return None
-    value = cs.Function(
-        "joints", [b.symbol for b in found.source.blocks], [cs.densify(found.source.expression)]
-    )
-    (joints,) = Buffered(value)(*(np.asarray(at[b.name], dtype=float) for b in found.source.blocks))
+    blocks = points.source.blocks
+    posed = [cs.densify(points.source.expression)]
+    function = Buffered(cs.Function("joints", [block.symbol for block in blocks], posed))
+    (joints,) = function(*(np.asarray(at[block.name], dtype=float) for block in blocks))
     return tree, joints.reshape(-1, 3), tuple(np.flatnonzero(seen).tolist())
 
 
 def law_in_words(parents: Sequence[int], *, translation: bool) -> str:
     """The sum for a tree all of whose joints are observed, spelled out."""
     counts = np.bincount([p for p in parents if p >= 0], minlength=len(parents))
-    several, one = int(np.sum(counts > 1)), int(np.sum(counts == 1))
-    total = 3 * several + 2 * one + (3 if translation else 0)
+    several, single = int(np.sum(counts > 1)), int(np.sum(counts == 1))
+    total = 3 * several + 2 * single + (3 if translation else 0)
     first = "3 for the translation + " if translation else ""
     return (
-        f"{first}3 x {several} joints with several children + 2 x {one} with one child, whose "
+        f"{first}3 x {several} joints with several children + 2 x {single} with one child, whose "
         f"twist about the bone moves no joint + 0 x {int(np.sum(counts == 0))} leaves = {total}"
     )
 
@@ -146,4 +141,4 @@ def _cross(e: Array) -> Array:
 
 def _rank(A: Array) -> int:
     s = np.linalg.svd(A, compute_uv=False) if A.size else np.zeros(0)
-    return int(np.sum(s > SMALL * max(1.0, float(s.max(initial=0.0)))))
+    return int(np.sum(s > RANK_TOLERANCE * max(1.0, float(s.max(initial=0.0)))))

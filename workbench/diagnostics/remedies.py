@@ -19,7 +19,7 @@ import scipy.linalg
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.diagnostics.active_set import ConstrainedJacobian, constrained_jacobian_at
-from workbench.diagnostics.null_space import SEARCHED
+from workbench.diagnostics.null_space import MOST_NAMED
 from workbench.diagnostics.scales import with_unit
 from workbench.diagnostics.words import families, gathered, row_label
 from workbench.errors import TooLarge, joined, some_of
@@ -29,15 +29,15 @@ from workbench.residuals import Residual, gaussian
 if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
 
-MOST = 200  # null directions up to which the fewest things to hold are searched for
+MOST_NULL = 200  # null directions up to which the fewest things to hold are searched for
 MOST_SETS = 500  # sets of blocks of one size that are compared
-LISTED = 3  # priors that are suggested
-NAMED = 5  # blocks in a suggestion; there may be dozens
-FEW = 5  # things of a least remedy, from which on a prior leads that takes fewer
+MOST_PRIORS = 3  # that are suggested
+MOST_BLOCKS_NAMED = 5  # in a suggestion; there may be dozens
+FEW_THINGS = 5  # of a least remedy that has more, a prior on fewer blocks leads
 DETERMINED = 1e-3  # of a null direction: what a prior on some blocks must see of each
 INDEPENDENT = 1e-3  # smallest singular value of the rows of a thing, of the largest
 TIE = 1e-6  # of a column: by less two count as equal, and the first one leads
-WIDE = 2000  # rows of a block up to which each is tried as a thing
+MOST_ROWS = 2000  # of a block, up to which each is tried as a thing
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,8 @@ def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
     if not d.here.finite:
         return ()
     least, priors = _least(d), list(_priors(d))
-    few = [s for s in priors if s.acts <= FEW]
-    if least and few and min(s.acts for s in least) > FEW:
+    few = [s for s in priors if s.acts <= FEW_THINGS]
+    if least and few and min(s.acts for s in least) > FEW_THINGS:
         least, priors = [*few, *least], [s for s in priors if s not in few]
     fixes = list(_fixed(d))
     if any(s.cured for s in (*least, *priors)):
@@ -148,13 +148,13 @@ def _tried(
     acts: int = 1,
 ) -> Iterator[Suggestion]:
     """Carry a suggestion out: it is made only if the state after it is `better` than before."""
-    at = dict(d.values)
+    values = dict(d.values)
     try:
-        after = rank_and_condition(constrained_jacobian_at(problem, at))
+        after = rank_and_condition(constrained_jacobian_at(problem, values))
     except TooLarge:  # it cannot be tried
         return
     if after.finite and better(d.state, after):
-        yield Suggestion(what, why, cost, d.state, after, problem, at, kind, acts)
+        yield Suggestion(what, why, cost, d.state, after, problem, values, kind, acts)
 
 
 def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
@@ -173,11 +173,11 @@ def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
 
 def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
     """Gaussian priors, as wide as the characteristic scales, on the fewest blocks that suffice."""
-    names, sizes, problem = _null_blocks(d), d.scales.sizes, d.problem
+    names = _null_blocks(d)
     for chosen in _fewest(d, names) if names else ():
         priors, widths = [], []
         for name in chosen:
-            block, scale = problem.free[name], sizes[d.free.slices[name]]
+            block, scale = d.free[name], d.scales.sizes[d.free.slices[name]]
             low, high = float(scale.min()), float(scale.max())
             widths.append(
                 with_unit(high, block.unit)
@@ -190,16 +190,17 @@ def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
                     mean=block.taken(d.values[name]).ravel(),
                     covariance=scale**2,
                     unit=block.unit,
-                    name=_unused(f"prior on {name}", problem.rows),
+                    name=_unused(f"prior on {name}", d.problem.rows),
                 )
             )
+        sigmas = some_of(widths, MOST_BLOCKS_NAMED)
         yield from _tried(
             d,
             "prior",
-            f"add a Gaussian prior on {_together(chosen)} (sigma {some_of(widths, NAMED)})",
+            f"add a Gaussian prior on {_together(chosen)} (sigma {sigmas})",
             "a prior determines what the residuals do not",
             "there the answer is the mean of the prior, not what the data say",
-            with_more(problem, priors),
+            with_more(d.problem, priors),
             acts=len(chosen),
         )
 
@@ -219,13 +220,14 @@ def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
             if len(s) == null.shape[1] and s[-1] > DETERMINED:
                 ranked.append((-round(float(s[-1]), 6), chosen))
         if ranked:
-            return [chosen for _, chosen in sorted(ranked, key=lambda one: one[0])[:LISTED]]
+            ranked.sort(key=lambda pair: pair[0])
+            return [chosen for _, chosen in ranked[:MOST_PRIORS]]
     return [names]
 
 
 def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
     """Fix one of the blocks that take part in null directions, unless these are very many."""
-    if d.shape[1] - d.rank > SEARCHED:
+    if d.shape[1] - d.rank > MOST_NAMED:
         return
     for name in _null_blocks(d)[: 3 if d.here.estimated else None]:
         if others := d.free.spelled([name]):
@@ -242,19 +244,23 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
 def _null_blocks(d: "Diagnosis") -> list[str]:
     """The blocks that take part in null directions."""
     moved = np.zeros(d.free.size, dtype=bool)
-    for one in d.null_directions:
-        moved |= abs(one.vector) > 1e-6
-    return [name for name, at in d.free.slices.items() if moved[at].any()]
+    for direction in d.null_directions:
+        moved |= abs(direction.vector) > 1e-6
+    return [name for name, part in d.free.slices.items() if moved[part].any()]
 
 
 def _together(names: Sequence[str]) -> str:
     """All names, or the first few and how many more there are."""
-    return " and ".join(names) if len(names) <= NAMED else some_of(names, NAMED)
+    return (
+        " and ".join(names)
+        if len(names) <= MOST_BLOCKS_NAMED
+        else some_of(names, MOST_BLOCKS_NAMED)
+    )
 
 
-def _unused(name: str, taken: Iterable[str]) -> str:
+def _unused(name: str, used: Iterable[str]) -> str:
     """The name with as many primes as make it new."""
-    names = set(taken)
+    names = set(used)
     while name in names:
         name += "'"
     return name
@@ -280,11 +286,11 @@ class HeldPlaces(NamedTuple):
 def _least(d: "Diagnosis") -> list[Suggestion]:
     """The remedy of the least number of numbers: things and entries, or else entries alone."""
     null, k = d.null_in_scales, d.shape[1] - d.rank
-    if not 0 < k <= MOST or k == d.shape[1]:
+    if not 0 < k <= MOST_NULL or k == d.shape[1]:
         return []
     entries = [HeldPlaces(d.free.label(i), [i]) for i in range(d.free.size)]
     # blocks of one number come before entries: a focal length, and not one point of many
-    numbers = [entries[at.start] for at in d.free.slices.values() if at.stop == at.start + 1]
+    numbers = [entries[p.start] for p in d.free.slices.values() if p.stop == p.start + 1]
     for groups in (_things(d), []):
         things = _chosen(null, groups, numbers, entries)
         if len(_rows(null, things)) == k and (least := list(_held(d, things))):
@@ -293,7 +299,7 @@ def _least(d: "Diagnosis") -> list[Suggestion]:
 
 
 def _rows(null: Array, things: Sequence[HeldPlaces]) -> Array:
-    return null[[i for one in things for i in one.places]]
+    return null[[i for thing in things for i in thing.places]]
 
 
 def _chosen(
@@ -303,13 +309,13 @@ def _chosen(
     chosen: list[HeldPlaces] = []
     left = null
     while left.shape[1]:
-        fitting = [(len(one.places), one.volume(left), one) for one in groups]
-        fitting = [one for one in fitting if np.isfinite(one[1])]
+        fitting = [(len(thing.places), thing.volume(left), thing) for thing in groups]
+        fitting = [entry for entry in fitting if np.isfinite(entry[1])]
         if not fitting:
             break
-        chosen.append(max(fitting, key=lambda one: one[:2])[2])
+        chosen.append(max(fitting, key=lambda entry: entry[:2])[2])
         left = _left(null, chosen)
-        groups = [one for *_, one in fitting if one is not chosen[-1]]
+        groups = [thing for *_, thing in fitting if thing is not chosen[-1]]
     for things in singles:
         if left.shape[1] and things:
             chosen += _pivoted(things, left)
@@ -329,8 +335,8 @@ def _left(null: Array, things: Sequence[HeldPlaces]) -> Array:
 def _pivoted(things: Sequence[HeldPlaces], null: Array) -> list[HeldPlaces]:
     """As many independent things of one number as there are, up to the dimension of `null`."""
     rows = _rows(null, things)
-    first = 1 - TIE * np.arange(len(rows)) / len(rows)  # of equal ones the first one leads
-    R, pivots = scipy.linalg.qr(rows.T * first, mode="r", pivoting=True)
+    earlier = 1 - TIE * np.arange(len(rows)) / len(rows)  # of equal ones the first one leads
+    R, pivots = scipy.linalg.qr(rows.T * earlier, mode="r", pivoting=True)
     count = int(np.sum(abs(np.diag(R)) > INDEPENDENT))
     return [things[int(p)] for p in np.sort(pivots[:count])]
 
@@ -338,28 +344,28 @@ def _pivoted(things: Sequence[HeldPlaces], null: Array) -> list[HeldPlaces]:
 def _things(d: "Diagnosis") -> list[HeldPlaces]:
     """What can be held as one thing: families of blocks, blocks, and rows."""
     free, most = d.free, d.shape[1] - d.rank
-    at = {name: list(range(part.start, part.stop)) for name, part in free.slices.items()}
+    places = {name: list(range(part.start, part.stop)) for name, part in free.slices.items()}
     named: dict[tuple[int, ...], str] = {}
     for stem, members in families(free.names).items():
-        named.setdefault(tuple(i for name in members for i in at[name]), stem)
+        named.setdefault(tuple(i for name in members for i in places[name]), stem)
     for name in free.names:
-        named.setdefault(tuple(at[name]), name)
+        named.setdefault(tuple(places[name]), name)
     for block in free.blocks:
-        if len(block.shape) == 2 and block.shape[1] > 1 and 1 < block.shape[0] <= WIDE:
-            for row, entries in enumerate(np.reshape(at[block.name], block.shape).tolist()):
+        if len(block.shape) == 2 and block.shape[1] > 1 and 1 < block.shape[0] <= MOST_ROWS:
+            for row, entries in enumerate(np.reshape(places[block.name], block.shape).tolist()):
                 label = row_label(block, row, block.shape[1])
                 named.setdefault(tuple(entries), f"{block.name}[{label}]")
-    return [HeldPlaces(what, list(at)) for at, what in named.items() if 1 < len(at) <= most]
+    return [HeldPlaces(what, list(own)) for own, what in named.items() if 1 < len(own) <= most]
 
 
 def _held(d: "Diagnosis", things: Sequence[HeldPlaces]) -> Iterator[Suggestion]:
     """What is held is not free any more."""
-    left = np.setdiff1d(np.arange(d.free.size), [i for one in things for i in one.places])
-    if not left.size:
+    free = np.setdiff1d(np.arange(d.free.size), [i for thing in things for i in thing.places])
+    if not free.size:
         return
-    k = d.free.size - left.size
-    entries = [one.what for one in things if len(one.places) == 1]
-    others = [one.what for one in things if len(one.places) > 1]
+    k = d.free.size - free.size
+    entries = [thing.what for thing in things if len(thing.places) == 1]
+    others = [thing.what for thing in things if len(thing.places) > 1]
     yield from _tried(
         d,
         "least",
@@ -367,7 +373,7 @@ def _held(d: "Diagnosis", things: Sequence[HeldPlaces]) -> Iterator[Suggestion]:
         f"{'one number' if k == 1 else f'{k} numbers'} for as many null directions: the fewest "
         "that can determine everything",
         "nothing where these directions are gauges; elsewhere what is held must be right",
-        d.problem.freeing(*d.free.chosen(left).spelled()),
+        d.problem.freeing(*d.free.chosen(free).spelled()),
         better=lambda a, b: fewer_null(a, b) and b.rank == b.unknowns,
         acts=len(things),
     )

@@ -1,4 +1,4 @@
-"""A diagnosis in words: what it found, a summary, and the whole report section by section."""
+"""A diagnosis in words: its findings, a summary, and the whole report section by section."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from workbench.errors import joined, some_of
 if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
 
-MOST = 12  # lines of one list
-ILL = 1e8  # condition of J from which half of the digits are gone
+MOST_LINES = 12  # of one list
+ILL_CONDITIONED = 1e8  # condition of J from which half of the digits are gone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
 ROUNDED = 1e-12  # characteristic scales: a smaller value is a zero with rounding errors
-FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
+FAR_FROM_SCALE = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
     "translation": ("translation", "translations"),
     "rotation": ("rotation", "rotations"),
@@ -36,7 +36,7 @@ GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
 VERDICTS = ("identified", "practically not", "numerically not", "structurally not")
 
 
-# What it found.
+# Findings.
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def findings(d: "Diagnosis") -> tuple[Finding, ...]:
 
 def listed(findings: Sequence[Finding]) -> list[str]:
     """Each finding as a line of a report."""
-    lines = [f"{'warning' if one.warning else 'note'}: {one.text}" for one in findings]
+    lines = [f"{'warning' if finding.warning else 'note'}: {finding.text}" for finding in findings]
     return lines or ["no warnings"]
 
 
@@ -112,7 +112,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
     n = d.shape[1]
     if d.rank < n:
         text = f"{n - d.rank} of {n} directions change no residual"
-        text += f", and no active {_one(d)} forbids them" if d.active.any else ""
+        text += f", and no active {_active_kind(d)} forbids them" if d.active.any else ""
         yield Finding("rank", text)
         if text := gauges_in_words(d.null_directions):
             yield Finding("rank", text, False)
@@ -141,15 +141,15 @@ def _scales(d: "Diagnosis") -> Iterator[Finding]:
     """Zeros say nothing, nor does what is small in a unit with a zero of its own, as an angle."""
     x, far = d.problem.split(d.values)[0], []
     for block in d.free.blocks:
-        at = d.free.slices[block.name]
-        size = float((abs(x[at]) / d.scales.sizes[at]).max(initial=0.0))
-        small = ROUNDED < size <= 1 / FAR and block.unit in METRES
-        if (size >= FAR or small) and block.name not in d.given_scales:
+        part = d.free.slices[block.name]
+        size = float((abs(x[part]) / d.scales.sizes[part]).max(initial=0.0))
+        small = ROUNDED < size <= 1 / FAR_FROM_SCALE and block.unit in METRES
+        if (size >= FAR_FROM_SCALE or small) and block.name not in d.given_scales:
             far.append(block.name)
     if far:
         text = (
             f"values of {joined(far)} and their characteristic scales differ by a factor of "
-            f"{FAR:g} or more: `scales` says how large a change of them matters"
+            f"{FAR_FROM_SCALE:g} or more: `scales` says how large a change of them matters"
         )
         yield Finding("identifiability", text, False)
 
@@ -168,11 +168,11 @@ def gauges_in_words(directions: Sequence[Direction]) -> str:
 
 def unread(d: "Diagnosis") -> str:
     """The unknowns that no residual depends on, in a sentence."""
-    nothing = f"residual and no active {_one(d)}" if d.active.any else "residual"
+    nothing = f"residual and no active {_active_kind(d)}" if d.active.any else "residual"
     return f"no {nothing} depends on {named_groups(d.free, d.structure.unread)}"
 
 
-def _one(d: "Diagnosis") -> str:
+def _active_kind(d: "Diagnosis") -> str:
     """`bound`, `constraint`, or `bound or constraint`."""
     return " or ".join(word.removesuffix("s") for word in d.active.what.split(" and "))
 
@@ -187,7 +187,7 @@ def held(d: "Diagnosis") -> str:
 
 
 def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
-    if ILL < d.condition < np.inf:
+    if ILL_CONDITIONED < d.condition < np.inf:
         text = f"the condition number is {d.condition:.1e}: at least half of the digits are lost"
         yield Finding("conditioning", text)
     same = [p for p in d.parallel_columns if p.sine <= PARALLEL]
@@ -201,10 +201,10 @@ def _priors(d: "Diagnosis") -> Iterator[Finding]:
     if not d.priors:
         return
     known = d.identifiability
-    rest = ", the priors the rest" if known.effective < d.shape[1] - 0.05 else ""
+    others = ", the priors the rest" if known.effective < d.shape[1] - 0.05 else ""
     text = (
         f"the data determine {known.effective:.1f} of {d.shape[1]} directions (effective degrees "
-        f"of freedom){rest}; they say more than {joined(d.priors)} about "
+        f"of freedom){others}; they say more than {joined(d.priors)} about "
         f"{counted(known.better_from_data, 'direction')}"
     )
     yield Finding("identifiability", text, False)
@@ -359,7 +359,7 @@ def _null(d: "Diagnosis") -> Iterator[str]:
 
 
 def _weak(d: "Diagnosis") -> Iterator[str]:
-    if shown := d.weak_directions[:MOST]:
+    if shown := d.weak_directions[:MOST_LINES]:
         yield "a whole characteristic scale along each changes the residuals by less than one sigma"
         numbered = [(f"{x.change:.2g}", x.name) for x in shown]
         yield from table(("|J d|", "direction"), numbered, numbers=(0,))
@@ -377,7 +377,7 @@ def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
         f"longest column {d.free.label(longest)}: {norms[longest]:.3g}; shortest "
         f"{d.free.label(shortest)}: {norms[shortest]:.3g} (sigmas per unit)"
     )
-    for pair in d.parallel_columns[:MOST]:
+    for pair in d.parallel_columns[:MOST_LINES]:
         how = "parallel" if pair.sine <= PARALLEL else f"nearly parallel (sine {pair.sine:.1e})"
         yield f"{d.free.label(pair.first)} and {d.free.label(pair.second)}: {how} columns"
     for weak in d.weakest[:1]:
@@ -396,17 +396,18 @@ def _known(d: "Diagnosis") -> Iterator[str]:
     known = d.identifiability
     rows = []
     for block in d.free.blocks:
-        at = d.free.slices[block.name]
-        finite = known.sigma[at][np.isfinite(known.sigma[at])]
+        part = d.free.slices[block.name]
+        sigma = known.sigma[part]
+        finite = sigma[np.isfinite(sigma)]
         spread = f"{finite.min():.2g} .. {finite.max():.2g}" if finite.size else "-"
-        counts = [known.verdicts[at].count(v) for v in reversed(EntryIdentifiability)]
+        counts = [known.verdicts[part].count(v) for v in reversed(EntryIdentifiability)]
         rows.append((block.name, block.unit, spread, *map(str, counts)))
     used = [verdict in known.verdicts for verdict in reversed(EntryIdentifiability)]
-    kept = [0, 1, 2, *(3 + k for k, some in enumerate(used) if some)]  # 80 columns hold three more
+    kept = [0, 1, 2, *(3 + k for k, is_used in enumerate(used) if is_used)]  # 80 letters are few
     head = ("block", "unit", "sigma", *VERDICTS)
     yield from table([head[k] for k in kept], [[row[k] for k in kept] for row in rows])
     means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
-    yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
+    yield "; ".join(f"{head}: {verdict.value}" for head, verdict, is_used in means if is_used)
     if not d.weak_count:
         yield f"the characteristic scales are, {d.scales}"
     for a, b, c in known.correlations[:3]:
@@ -444,9 +445,10 @@ def compared_blocks(d: "Diagnosis") -> tuple[list[str], list[str]]:
 
 def _checked(d: "Diagnosis") -> Iterator[str]:
     check = d.derivatives
-    of = "" if len(check.columns) == d.shape[1] else f" ({len(check.columns)} columns, at random)"
+    all_columns = len(check.columns) == d.shape[1]
+    which = "" if all_columns else f" ({len(check.columns)} columns, at random)"
     yield (
-        f"compared with finite differences{of}: {check.wrong} entries wrong, largest "
+        f"compared with finite differences{which}: {check.wrong} entries wrong, largest "
         f"error {check.largest_error:.1e} of the column's largest entry"
     )
     if check.slope is not None:

@@ -60,24 +60,25 @@ def scales(
     read: Iterable[Block],
     at: Mapping[str, ArrayLike],
     prior_sigma: Array,
-    given: Mapping[str, ArrayLike] | None = None,
+    chosen: Mapping[str, ArrayLike],
     *,
     of_people: bool = False,
 ) -> Scales:
     """The scales of the entries of `free` here; `read` are all blocks that have values.
 
-    `prior_sigma` (n,) is infinite where the priors say nothing, `given` are scales by block, and
-    `of_people` says that there are points of bodies.
+    `prior_sigma` (n,) is infinite where the priors say nothing, `chosen` are the scales by block
+    that a caller says, and `of_people` says that there are points of bodies.
     """
-    sizes, words, given, read = np.ones(free.size), {}, given or {}, list(read)
+    sizes, words, read = np.ones(free.size), {}, list(read)
     metres = _root_mean_square(
         [METRES[b.unit] * np.asarray(at[b.name]) for b in read if b.unit in METRES]
     )
     with_metre = of_people or metres < NO_LENGTH or LIKE_PEOPLE[0] <= metres <= LIKE_PEOPLE[1]
     for block in free.blocks:
         part, unit = free.slices[block.name], block.unit
-        if block.name in given:
-            sizes[part] = block.taken(np.broadcast_to(given[block.name], block.base.shape)).ravel()
+        if block.name in chosen:
+            whole = np.broadcast_to(chosen[block.name], block.base.shape)
+            sizes[part] = block.taken(whole).ravel()
             few = [f"{size:.4g}" for size in np.unique(sizes[part])[:4]]
             span = few[0] if len(few) == 1 else f"{few[0]} to {sizes[part].max():.4g}"
             words[block.name] = f"{span}{'' if unit == '1' else f' {unit}'}, as given"
@@ -96,10 +97,10 @@ def scales(
     return Scales(sizes, words)
 
 
-def checked(given: Mapping[str, ArrayLike] | None, free: Layout) -> dict[str, Array]:
+def checked(chosen: Mapping[str, ArrayLike] | None, free: Layout) -> dict[str, Array]:
     """Scales that a caller says, by block; raises UnknownName and BadArgument."""
-    kept = {}
-    for name, value in mapping("scales", given or {}).items():
+    by_block = {}
+    for name, value in mapping("scales", chosen or {}).items():
         if name not in free.slices:
             raise UnknownName("free block", name, free.names)
         size, shape = reals(f"the scale of {name!r}", value), free[name].base.shape
@@ -107,8 +108,8 @@ def checked(given: Mapping[str, ArrayLike] | None, free: Layout) -> dict[str, Ar
             raise BadArgument(
                 f"the scale of {name!r} must be above zero and finite, with shape () or {shape}"
             )
-        kept[name] = size
-    return kept
+        by_block[name] = size
+    return by_block
 
 
 def _size(

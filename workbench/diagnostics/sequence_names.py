@@ -13,7 +13,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Layout
 from workbench.blocks.layout import in_units
 from workbench.diagnostics.bases import beyond, null_basis
-from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
+from workbench.diagnostics.gauges import Gauge, KnownMotions, NullSpace, gauges
 from workbench.diagnostics.joint_motions import JointNullMotion, joint_motions
 from workbench.diagnostics.null_space import of_joints
 from workbench.diagnostics.words import counted, gathered
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from workbench.diagnostics.sequences import SingleFrames
 
 OUTSIDE = 1e-5  # part of a direction outside of a motion's entries, up to rounding
-LARGE = 10_000_000  # numbers in the null vectors of several frames, up to which gauges are sought
-Key = tuple[str, str, tuple[str, ...]]  # kind, name and joints of directions
+MOST_NUMBERS = 10_000_000  # in the null vectors of several frames, up to which gauges are sought
 TAKES_PART = 1e-6  # of a direction's length: less is rounding
+Key = tuple[str, str, tuple[str, ...]]  # kind, name and joints of directions
 
 
 @dataclass(frozen=True)
@@ -67,30 +67,30 @@ def named(
     frame_of, place = frames.places
     over_all, vectors = _over_all_frames(vectors, frames, declared)
     reached = _frames_reached(vectors, frame_of)
-    shared = [j for j, some in enumerate(reached) if some[0] < 0]
-    tied = [j for j, some in enumerate(reached) if some[0] >= 0 and len(some) > 1]
+    shared = [j for j, ts in enumerate(reached) if ts[0] < 0]
+    tied = [j for j, ts in enumerate(reached) if ts[0] >= 0 and len(ts) > 1]
     local: dict[int, list[int]] = {}
-    for j, some in enumerate(reached):
-        if some[0] >= 0 and len(some) == 1:
-            local.setdefault(int(some[0]), []).append(j)
+    for j, ts in enumerate(reached):
+        if ts[0] >= 0 and len(ts) == 1:
+            local.setdefault(int(ts[0]), []).append(j)
     motions = list(joint_motions(frames.layout, frames.trees))
-    several = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
+    over_several = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
     counts: Counter[Key] = Counter()
     moved: dict[Key, list[int]] = {}
     for key, direction in _names(_by_frames(vectors[:, tied], frames), frames.layout, motions):
         counts[key] += 1
         in_frames = np.flatnonzero(np.linalg.norm(direction, axis=1) > TAKES_PART)
         moved[key] = sorted({*moved.get(key, ()), *in_frames.tolist()})
-    several += _gathered(counts, moved, tied=True)
+    over_several += _gathered(counts, moved, tied=True)
     counts, moved = Counter(), {}
     for t, columns in sorted(local.items()):
-        here = frame_of == t
+        in_frame = frame_of == t
         V = np.zeros((1, frames.layout.size, len(columns)))
-        V[0, place[here]] = vectors[:, columns].toarray()[here]
+        V[0, place[in_frame]] = vectors[:, columns].toarray()[in_frame]
         for key, _ in _names(V, frames.layout, motions):
             counts[key] += 1
             moved[key] = sorted({*moved.get(key, ()), t})
-    return (*several, *_gathered(counts, moved, tied=False))
+    return (*over_several, *_gathered(counts, moved, tied=False))
 
 
 def _frames_reached(vectors: csc_array, frame_of: Index) -> list[Index]:
@@ -106,31 +106,34 @@ def _over_all_frames(
     They are looked for among the vectors that move several frames, or what frames share.
     """
     frame_of, _ = frames.places
-    several = [len(some) > 1 or some[0] < 0 for some in _frames_reached(vectors, frame_of)]
-    over = np.flatnonzero(several)
-    if not 0 < over.size <= vectors.shape[0] or over.size * vectors.shape[0] > LARGE:
+    reached = _frames_reached(vectors, frame_of)
+    over_several = np.array([len(ts) > 1 or ts[0] < 0 for ts in reached], dtype=bool)
+    count = int(over_several.sum())
+    if not 0 < count <= vectors.shape[0] or count * vectors.shape[0] > MOST_NUMBERS:
         return [], vectors
-    basis = np.linalg.qr(vectors[:, over].toarray())[0]
-    problem, values = frames.problem, frames.values
-    found, known = [], np.zeros((len(basis), 0))
-    space = NullSpace(problem.split(values)[0], np.ones(len(basis)), basis)
-    for motion in gauges(problem, values, Found(space), problem.pattern, declared):
+    basis = np.linalg.qr(vectors[:, np.flatnonzero(over_several)].toarray())[0]
+    space = NullSpace(frames.problem.split(frames.values)[0], np.ones(len(basis)), basis)
+    motions = gauges(
+        frames.problem, frames.values, KnownMotions(space), frames.problem.pattern, declared
+    )
+    directions, spanned = [], np.zeros((len(basis), 0))
+    for motion in motions:
         v = basis @ motion.coefficients[:, None]
         v = np.where(abs(v) > TAKES_PART * abs(v).max(), v, 0.0) / np.linalg.norm(v)
-        fresh, _ = beyond(known, v)
-        if not fresh.shape[1]:
+        new, _ = beyond(spanned, v)
+        if not new.shape[1]:
             continue
-        known = np.column_stack([known, fresh])
-        some = np.unique(frame_of[np.flatnonzero(v)])
-        frames_moved = tuple(int(t) for t in some if t >= 0)
-        found.append(NullDirections(motion.name, (), frames_moved, 1, tied=True))
-        if len(found) == over.size:
+        spanned = np.column_stack([spanned, new])
+        ts = np.unique(frame_of[np.flatnonzero(v)])
+        frames_moved = tuple(int(t) for t in ts if t >= 0)
+        directions.append(NullDirections(motion.name, (), frames_moved, 1, tied=True))
+        if len(directions) == count:
             break
-    if not found:
+    if not directions:
         return [], vectors
-    rest = basis @ np.linalg.svd(basis.T @ known)[0][:, known.shape[1] :]
-    own = csc_array(vectors[:, np.flatnonzero(~np.array(several))])
-    return found, csc_array(hstack([own, _by_frame(rest, frame_of)]))
+    rest = basis @ np.linalg.svd(basis.T @ spanned)[0][:, spanned.shape[1] :]
+    local = csc_array(vectors[:, np.flatnonzero(~over_several)])
+    return directions, csc_array(hstack([local, _by_frame(rest, frame_of)]))
 
 
 def _by_frame(rest: Array, frame_of: Index) -> csc_array:
@@ -155,16 +158,18 @@ def _names(
     if not d:
         return
     basis = np.linalg.qr(V.reshape(T * n, d))[0]
-    found = Found(NullSpace(np.zeros(T * n), np.ones(T * n), basis, OUTSIDE))
-    each = n * np.arange(T)[:, None]
-    whole = [replace(one, entries=(one.entries + each).ravel()) for one in motions]
-    for one in of_joints(whole, layout, found, apart=False):
-        key = one.kind, one.name.removesuffix(": "), one.joints
-        yield key, (basis @ one.coefficients).reshape(T, n)
-    rest = (basis @ null_basis(found.known.T, 0.5)).reshape(T, n, -1)
+    known = KnownMotions(NullSpace(np.zeros(T * n), np.ones(T * n), basis, OUTSIDE))
+    starts = n * np.arange(T)[:, None]
+    in_all_frames = [
+        replace(motion, entries=(motion.entries + starts).ravel()) for motion in motions
+    ]
+    for motion in of_joints(in_all_frames, layout, known, apart=False):
+        key = motion.kind, motion.name.removesuffix(": "), motion.joints
+        yield key, (basis @ motion.coefficients).reshape(T, n)
+    rest = (basis @ null_basis(known.coefficients.T, 0.5)).reshape(T, n, -1)
     if rest.shape[-1]:
         large = np.linalg.norm(rest, axis=(0, 2)) > TAKES_PART
-        blocks = [b for b, at in layout.slices.items() if large[at].any()]
+        blocks = [name for name, part in layout.slices.items() if large[part].any()]
         key = "mixed", f"combinations of {' and '.join(blocks)}", ()
         yield from ((key, direction) for direction in np.moveaxis(rest, -1, 0))
 
@@ -181,11 +186,11 @@ def _gathered(
         NullDirections(
             ", ".join(gathered([name for _, name, _ in keys])),
             tuple(dict.fromkeys(joint for *_, joints in keys for joint in joints)),
-            some,
+            in_frames,
             sum(counts[key] for key in keys),
             tied,
         )
-        for some, keys in entries.items()
+        for in_frames, keys in entries.items()
     ]
     others = [key for key in counts if key[0] != "entry"]
     return first + [NullDirections(k[1], k[2], tuple(moved[k]), counts[k], tied) for k in others]
@@ -199,19 +204,19 @@ def _of_shared(vectors: csc_array, frames: "SingleFrames") -> list[NullDirection
     S = vectors.toarray()[frame_of < 0][np.argsort(place[frame_of < 0])]
     V = _by_frames(vectors, frames)
     motions = list(joint_motions(frames.shared, ()))
-    found = []
+    directions = []
     for (kind, name, _), direction in _names(S[None], frames.shared, motions):
-        of_frames = V @ np.linalg.lstsq(S, direction[0])[0]
-        there = np.linalg.norm(of_frames, axis=1) > TAKES_PART
-        size = np.linalg.norm(of_frames, axis=0)
-        blocks = [b for b, at in frames.layout.slices.items() if (size[at] > TAKES_PART).any()]
-        name = in_units(direction[0], frames.shared) if kind == "mixed" else name
-        if there.any():
-            where = f"{int(there.sum())} of {frames.count} frames"
-            name = f"{name}, undone by {' and '.join(blocks)} in {where}"
-        some = tuple(np.flatnonzero(there).tolist())
-        found.append(NullDirections(name, (), some, 1, tied=True, shared=True))
-    return found
+        undoing = V @ np.linalg.lstsq(S, direction[0])[0]  # how the frames move, (T, n)
+        in_frames = np.flatnonzero(np.linalg.norm(undoing, axis=1) > TAKES_PART)
+        large = np.linalg.norm(undoing, axis=0) > TAKES_PART
+        blocks = [block for block, part in frames.layout.slices.items() if large[part].any()]
+        title = in_units(direction[0], frames.shared) if kind == "mixed" else name
+        if in_frames.size:
+            where = f"{in_frames.size} of {frames.count} frames"
+            title = f"{title}, undone by {' and '.join(blocks)} in {where}"
+        ts = tuple(in_frames.tolist())
+        directions.append(NullDirections(title, (), ts, 1, tied=True, shared=True))
+    return directions
 
 
 def _by_frames(vectors: csc_array, frames: "SingleFrames") -> Array:

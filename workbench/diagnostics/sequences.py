@@ -24,8 +24,8 @@ from workbench.problem.sparsity import columns_of_nonzeros
 
 SCHEMA = "workbench.sequence-diagnosis"
 VERSION = 3  # raised when a key is removed or changes its meaning; new keys do not raise it
-FEW = 0.1  # of the frames: a shared unknown that at most so many see causes a warning
-RUNS = 5  # of frames that are listed
+FEW_FRAMES = 0.1  # of all: a shared unknown that at most so many see causes a warning
+MOST_RUNS = 5  # of frames that are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,21 +62,21 @@ class SingleFrames:
         free = self.problem.free
         frame, place = np.full(free.size, -1), np.zeros(free.size, dtype=np.int64)
         for block in free.blocks:
-            at, entries = free.slices[block.name], np.array(block.places, dtype=np.int64)
+            part, entries = free.slices[block.name], np.array(block.places, dtype=np.int64)
             if block.base.framed:
                 size = block.base.size // block.base.shape[0]
-                frame[at] = entries // size
-                place[at] = self.layout.slices[block.name].start + entries % size
+                frame[part] = entries // size
+                place[part] = self.layout.slices[block.name].start + entries % size
             else:
                 start = self.shared.slices[block.name].start
-                place[at] = np.arange(start, start + block.size)
+                place[part] = np.arange(start, start + block.size)
         return frame, place
 
     @cached_property
     def trees(self) -> tuple[Tree, ...]:
         """The kinematic trees of the bodies whose points single frames read."""
-        parts = {id(one): one for r in self.problem.residuals for _, one in r.by_frame}
-        trees = (p.source.tree for one in parts.values() for p in one.points)
+        of_frames = {id(one): one for r in self.problem.residuals for _, one in r.by_frame}
+        trees = (points.source.tree for one in of_frames.values() for points in one.points)
         return tuple({tree.places: tree for tree in trees if tree is not None}.values())
 
     def alone(self, t: int) -> tuple[Problem, Values]:
@@ -214,11 +214,11 @@ class SequenceDiagnosis:
 
         Each vector has length 1; most of them move a single frame.
         """
-        found = self.eliminated.null_vectors
-        columns = columns_of_nonzeros(found)
-        numbers = found.data / self.rows.lengths[found.indices]
-        sizes = np.sqrt(np.bincount(columns, numbers**2, minlength=found.shape[1]))
-        return csc_array((numbers / sizes[columns], found.indices, found.indptr), found.shape)
+        V = self.eliminated.null_vectors
+        columns = columns_of_nonzeros(V)
+        entries = V.data / self.rows.lengths[V.indices]
+        lengths = np.sqrt(np.bincount(columns, entries**2, minlength=V.shape[1]))
+        return csc_array((entries / lengths[columns], V.indices, V.indptr), V.shape)
 
     @cached_property
     def null_directions(self) -> tuple[NullDirections, ...]:
@@ -237,7 +237,7 @@ class SequenceDiagnosis:
         """What is known about the unknowns that all frames share, and in how many they are seen."""
         layout, rows = self.frames.shared, self.rows
         lengths = [
-            _beside(R, len(own), rows.tolerance)
+            _lengths_not_undone(R, len(own), rows.tolerance)
             for own, R in zip(rows.own, rows.triangles, strict=True)
         ]
         seen = np.array(lengths).reshape(self.count, layout.size) > rows.tolerance
@@ -247,12 +247,12 @@ class SequenceDiagnosis:
     def largest_sigma(self) -> dict[str, Array]:
         """By block, the largest sigma of its entries in each frame (T,), 0 where none is free."""
         frame_of, place = self.frames.places
-        found = {}
-        for name, at in self.frames.layout.slices.items():
-            some = np.flatnonzero((frame_of >= 0) & (place >= at.start) & (place < at.stop))
-            found[name] = np.zeros(self.count)
-            np.maximum.at(found[name], frame_of[some], self.sigma[some])
-        return found
+        largest = {}
+        for name, part in self.frames.layout.slices.items():
+            own = np.flatnonzero((frame_of >= 0) & (place >= part.start) & (place < part.stop))
+            largest[name] = np.zeros(self.count)
+            np.maximum.at(largest[name], frame_of[own], self.sigma[own])
+        return largest
 
     @property
     def between(self) -> tuple[str, ...]:
@@ -269,9 +269,9 @@ class SequenceDiagnosis:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Warnings first, then what is worth knowing."""
-        return tuple(sorted(self._found(), key=lambda finding: not finding.warning))
+        return tuple(sorted(self._unsorted_findings(), key=lambda finding: not finding.warning))
 
-    def _found(self) -> Iterator[Finding]:
+    def _unsorted_findings(self) -> Iterator[Finding]:
         n, T = self.shape[1], self.count
         if not self.here.finite:
             label = self.problem.row_label
@@ -287,7 +287,7 @@ class SequenceDiagnosis:
             text = f"{self.shared.layout.label(i)} is seen in {count} of {T} frames"
             if not count and np.isfinite(self.shared.sigma[i]):
                 text += ": only residuals that belong to no single frame determine it"
-            yield Finding("shared", text, bool(count <= FEW * T))
+            yield Finding("shared", text, bool(count <= FEW_FRAMES * T))
         if self.problem.bounded or self.problem.constraints:
             text = "bounds and constraints are ignored in a sequence of this size"
             yield Finding("rank", text, False)
@@ -302,7 +302,8 @@ class SequenceDiagnosis:
         if not self.here.finite:
             raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
         if self.rank != rank:
-            null = "; ".join(d.described(self.count) for d in self.null_directions) or "none"
+            names = [direction.described(self.count) for direction in self.null_directions]
+            null = "; ".join(names) or "none"
             raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {null}")
 
     def assert_no_warnings(self) -> None:
@@ -371,9 +372,9 @@ class SequenceDiagnosis:
         rows = []
         for name, sigma in self.largest_sigma.items():
             known = np.where(np.isfinite(sigma), sigma, 0.0)
-            least = f"{known.max():.3g} ({int(np.argmax(known))})" if known.any() else "-"
+            largest = f"{known.max():.3g} ({int(np.argmax(known))})" if known.any() else "-"
             unknown = np.flatnonzero(np.isinf(sigma)).tolist()
-            rows.append((name, least, self.free[name].unit, frames_in_words(unknown, self.count)))
+            rows.append((name, largest, self.free[name].unit, frames_in_words(unknown, self.count)))
         header = ("block", "largest sigma (frame)", "unit", "not fully identified in")
         return table(header, rows, numbers=(1,))
 
@@ -429,18 +430,18 @@ class SequenceDiagnosis:
 
 def frames_in_words(frames: Iterable[int], total: int) -> str:
     """`3 of 40 frames (0 to 1, 7)`."""
-    some = np.array(list(frames), dtype=np.int64)
-    if not some.size:
+    ts = np.array(list(frames), dtype=np.int64)
+    if not ts.size:
         return "no frame"
-    runs = np.split(some, np.flatnonzero(np.diff(some) > 1) + 1)
+    runs = np.split(ts, np.flatnonzero(np.diff(ts) > 1) + 1)
     named = [str(run[0]) if run.size == 1 else f"{run[0]} to {run[-1]}" for run in runs]
-    more = ", ..." if len(named) > RUNS else ""
-    where = f" ({', '.join(named[:RUNS])}{more})" if some.size < total else ""
-    return f"{some.size} of {total} frames{where}"
+    more = ", ..." if len(named) > MOST_RUNS else ""
+    where = f" ({', '.join(named[:MOST_RUNS])}{more})" if ts.size < total else ""
+    return f"{ts.size} of {total} frames{where}"
 
 
-def _beside(R: Array, own: int, tolerance: float) -> Array:
-    """The lengths of the columns of P B, R = [J B] with `own` columns in J."""
+def _lengths_not_undone(R: Array, own: int, tolerance: float) -> Array:
+    """The lengths of what B lies outside of the range of J, R = [J B] with `own` columns in J."""
     U, s, _ = np.linalg.svd(R[:, :own], full_matrices=False)
     U = U[:, s > tolerance]
     B = R[:, own:]

@@ -5,7 +5,7 @@ factorization serves all questions: S'S + eps I = L U, by SuperLU. The direction
 values are those that (S'S + eps I)^-1 makes longest, and are found by inverse iteration with
 several vectors V at once; their singular values are those of S V, and so have all digits, while
 those of S'S have half of them (Golub and Van Loan, Matrix Computations, 2013, sections 8.2 and
-8.6). How many there are is told beforehand by the signs of the pivots: by Sylvester's law of
+8.6). The signs of the pivots say beforehand how many there are: by Sylvester's law of
 inertia, S'S - c I has as many negative pivots as eigenvalues below c. Nothing here is as large as
 n x n.
 
@@ -42,19 +42,18 @@ SHIFT = 1e-11  # eps, in squares of singular values: above their rounding errors
 WEAK = 3e-3  # singular values below it take part in the inverse iteration, and those
 SMALL = 3e-5  # below this are split off: the solutions of the factorization have few digits there
 ITERATIONS = 4  # each reduces what is left of others by (SMALL / WEAK)^2
-SPARE = 8  # vectors more than there are weak directions
-REFINED = 5  # steps of iterative refinement at the most
+SPARE_VECTORS = 8  # more than there are weak directions
+MOST_REFINEMENTS = 5  # steps of iterative refinement
 ACCURATE_STEP = 1e-9  # of the right-hand side: such a residual needs no refinement
-LONG = 300  # entries from which on a row may be kept apart from S'S
-FEW = 0.1  # of the unknowns: if more rows are long, none of them is kept apart
-LARGEST = 5e7  # nonzeros of L, about a gigabyte with U
-NUMBERS = 4e7  # in the vectors of weak directions together
-NEGLIGIBLE = 1e-10  # pivots so small say nothing of signs
+LONG_ROW = 300  # entries from which on a row may be kept apart from S'S
+FEW_LONG_ROWS = 0.1  # of the unknowns: if more rows are long, none of them is kept apart
+MOST_NONZEROS = 5e7  # of L, about a gigabyte with U
+MOST_WEAK_NUMBERS = 4e7  # in the vectors of weak directions together
+NEGLIGIBLE_PIVOT = 1e-10  # so small a pivot says nothing of signs
 FIRM = 1e-8  # what a forbidden direction may give way: 1 over the weight of its constraint
 TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
-ACCURATE = 1e-6  # relative error of the squares of singular values, by Lanczos' method
+LANCZOS_TOLERANCE = 1e-6  # relative error of the squares of singular values
 AT_ONCE = 256  # columns that are multiplied by the inverse at a time
-ROUNDING = 1e-10  # entries of null vectors whose own unknown is 1: less is none
 NOISE = 1e-12  # squares of singular values in columns of length 1 that are set apart from zero
 
 
@@ -104,16 +103,16 @@ class FactoredJacobian:
         B = np.where(self._silent[:, None], 0.0, B)
         along = V.T @ B
         B -= V @ along
-        X = self._beside(self._solve(B))
-        for _ in range(REFINED):
-            missed = self._beside(B - self.S.T @ (self.S @ X))
-            if np.linalg.norm(missed) <= ACCURATE_STEP * np.linalg.norm(B):
+        X = self._without_small(self._solve(B))
+        for _ in range(MOST_REFINEMENTS):
+            residual = self._without_small(B - self.S.T @ (self.S @ X))
+            if np.linalg.norm(residual) <= ACCURATE_STEP * np.linalg.norm(B):
                 break
-            X += self._beside(self._solve(missed))
+            X += self._without_small(self._solve(residual))
         return np.asarray(X + V[:, seen] @ (along[seen] / s[seen, None] ** 2))
 
-    def _beside(self, B: Array) -> Array:
-        """B (n, q) without what it has of the small directions."""
+    def _without_small(self, B: Array) -> Array:
+        """B (n, q) without its part along the directions of small singular values."""
         V = self._small[1]
         return np.asarray(B - V @ (V.T @ B))
 
@@ -144,12 +143,14 @@ class FactoredJacobian:
         count = count_negative(self.S, np.ones(self.S.shape[0]), shift)
         if not count:
             return np.zeros(0), np.zeros((n, 0))
-        if count * n > NUMBERS:
+        if count * n > MOST_WEAK_NUMBERS:
             raise TooLarge(
                 f"{count:,} of {n:,} directions change the residuals little or not at all, too "
                 "many to be told apart: fix some of the unknowns, or give them a prior"
             )
-        start = np.random.default_rng(0).standard_normal((n, min(count + SPARE, n - sum(silent))))
+        start = np.random.default_rng(0).standard_normal(
+            (n, min(count + SPARE_VECTORS, n - sum(silent)))
+        )
         V = np.where(silent[:, None], 0.0, start)
         for _ in range(ITERATIONS):
             V = np.linalg.qr(self._solve(V))[0]
@@ -228,11 +229,11 @@ class SparseJacobian:
     @cached_property
     def variances(self) -> Array:
         """The variance of each unknown (n,), infinite where a null direction moves it."""
-        found = [np.zeros(0)]
+        diagonal = [np.zeros(0)]
         for first, C in self.covariances():
-            found.append(C[first + np.arange(C.shape[1]), np.arange(C.shape[1])])
+            diagonal.append(C[first + np.arange(C.shape[1]), np.arange(C.shape[1])])
         held = np.sum(self.forbidden**2, axis=0) > 1 - NOISE
-        variances = np.where(held, 0.0, np.maximum(np.concatenate(found), 0.0))
+        variances = np.where(held, 0.0, np.maximum(np.concatenate(diagonal), 0.0))
         return np.where(self.factored.takes_part, np.inf, variances)
 
     def covariance_times(self, B: Array) -> Array:
@@ -240,11 +241,11 @@ class SparseJacobian:
 
         For every combination of unknowns that no null direction changes, C gives its covariance.
         """
-        found = self._generalized(B)
+        CB = self._generalized(B)
         if len(self.forbidden):
             P = self._across
-            found -= P @ np.linalg.solve(self.forbidden @ P, P.T @ B)
-        return found
+            CB -= P @ np.linalg.solve(self.forbidden @ P, P.T @ B)
+        return CB
 
     def covariances(self) -> Iterator[tuple[int, Array]]:
         """The covariance, a few columns at a time: the place of the first one, and these (n, q)."""
@@ -268,8 +269,8 @@ class SparseJacobian:
             moved = J.T @ (J @ (v - A.T @ (A @ v)))
             return np.asarray(moved - A.T @ (A @ moved))
 
-        smallest = largest_eigenvalue(self.inverse_times, n, ACCURATE)
-        return float(np.sqrt(largest_eigenvalue(normal, n, ACCURATE) * smallest))
+        smallest = largest_eigenvalue(self.inverse_times, n, LANCZOS_TOLERANCE)
+        return float(np.sqrt(largest_eigenvalue(normal, n, LANCZOS_TOLERANCE) * smallest))
 
     def weakest(self, most: int) -> tuple[Array, Array]:
         """The smallest singular values above zero (q,), rising, and their directions (n, q).
@@ -278,7 +279,7 @@ class SparseJacobian:
         """
         n = self.here.shape[1]
         most = min(most, self.rank - len(self.forbidden))
-        values, vectors = largest_eigenpairs(self.inverse_times, n, most, ACCURATE)
+        values, vectors = largest_eigenpairs(self.inverse_times, n, most, LANCZOS_TOLERANCE)
         return 1 / np.sqrt(values), vectors
 
     def count_below(self, limit: float) -> int:
@@ -295,11 +296,11 @@ class SparseJacobian:
     def information_in(self, some: Mask) -> float:
         """In how many directions some rows (m,) decide: the sum of their leverages."""
         rows = csr_array(unblocked(self.here.jacobian))[np.flatnonzero(some)]
-        found = 0.0
+        leverage = 0.0
         for first in range(0, rows.shape[0], AT_ONCE):
             B = rows[first : first + AT_ONCE].T.toarray()
-            found += float(np.sum(B * self.covariance_times(B)))
-        return found
+            leverage += float(np.sum(B * self.covariance_times(B)))
+        return leverage
 
     def _negative(self, signs: Array, shift: Array) -> int:
         """How many eigenvalues of J' diag(signs) J - diag(shift) are negative along what may move,
@@ -310,8 +311,8 @@ class SparseJacobian:
 
     def _generalized(self, B: Array) -> Array:
         """A generalized inverse of J'J + A'A, times B (n, q)."""
-        by = self.lengths[:, None]
-        return np.asarray(self.factored.covariance_times(B / by) / by)
+        lengths = self.lengths[:, None]
+        return np.asarray(self.factored.covariance_times(B / lengths) / lengths)
 
     @cached_property
     def _across(self) -> Array:
@@ -334,7 +335,10 @@ def count_negative(S: csc_array, signs: Array, shift: Array, forbidden: Array | 
         K = _system(S, signs, shift * (1 + nudge), forbidden)
         factors = _factorized(K)
         pivots = factors.U.diagonal()
-        if abs(pivots).min(initial=1.0) > NEGLIGIBLE and (factors.perm_r == factors.perm_c).all():
+        if (
+            abs(pivots).min(initial=1.0) > NEGLIGIBLE_PIVOT
+            and (factors.perm_r == factors.perm_c).all()
+        ):
             break
     added = K.diagonal()[S.shape[1] :]
     return int(np.count_nonzero(pivots < 0)) - int(np.count_nonzero(added < 0))
@@ -347,11 +351,11 @@ def _system(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = 
     """
     n, rows = S.shape[1], csr_array(S)
     entries = np.diff(rows.indptr)
-    apart = entries > max(LONG, n / 20)
-    if np.sum(apart) > FEW * n:
+    apart = entries > max(LONG_ROW, n / 20)
+    if np.sum(apart) > FEW_LONG_ROWS * n:
         apart[:] = False
-    some, signs_of_some = rows[~apart], signs[~apart]
-    H = some.T @ (diags_array(signs_of_some) @ some) + diags_array(shift)
+    others, signs_of_others = rows[~apart], signs[~apart]
+    H = others.T @ (diags_array(signs_of_others) @ others) + diags_array(shift)
     below, corner = [rows[apart]], -signs[apart]
     if forbidden is not None and len(forbidden):
         below.append(csr_array(forbidden / np.linalg.norm(forbidden, axis=1)[:, None]))
@@ -365,11 +369,11 @@ def _system(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = 
 def _factorized(K: csc_array) -> SuperLU:
     """A symmetric matrix K = L U with pivots on the diagonal. Raises TooLarge."""
     n = K.shape[0]
-    if n**2 > LARGEST and factor_size(K) > LARGEST:
+    if n**2 > MOST_NONZEROS and factor_size(K) > MOST_NONZEROS:
         raise TooLarge(
             f"the factor of a sparse Jacobian with {n:,} unknowns would have more than "
-            f"{LARGEST:,.0f} entries: free fewer blocks, or divide the problem into parts with few "
-            "common unknowns"
+            f"{MOST_NONZEROS:,.0f} entries: free fewer blocks, or divide the problem into parts "
+            "with few common unknowns"
         )
     return splu(
         K,
@@ -382,9 +386,9 @@ def _factorized(K: csc_array) -> SuperLU:
 def factor_size(K: csc_array) -> int:
     """How many nonzeros the Cholesky factor of a matrix with this symmetric pattern has.
 
-    For an approximate minimum degree ordering, counted no further than LARGEST. In row i they are
-    on the paths from its nonzeros up the elimination tree to i (Liu, The role of elimination trees
-    in sparse factorization, SIAM Journal on Matrix Analysis and Applications 11, 1990).
+    For an approximate minimum degree ordering, counted no further than MOST_NONZEROS. In row i they
+    are on the paths from its nonzeros up the elimination tree to i (Liu, The role of elimination
+    trees in sparse factorization, SIAM Journal on Matrix Analysis and Applications 11, 1990).
     """
     n, order = K.shape[0], _pattern(K).amd()
     K = csc_array(csc_array(K[:, order])[order])
@@ -396,7 +400,7 @@ def factor_size(K: csc_array) -> int:
         for j in columns[starts[i] : starts[i + 1]]:
             while reached[j] != i:
                 size, reached[j], j = size + 1, i, parent[j]
-        if size > LARGEST:
+        if size > MOST_NONZEROS:
             break
     return size
 

@@ -87,7 +87,7 @@ def decomposed(residuals: csc_array, held: csc_array | None = None) -> Structure
     if held is not None and held.shape[0]:
         pattern = csc_array(vstack([residuals, held]))
     reads = np.bincount(pattern.indices, minlength=pattern.shape[0])
-    kept = _enough(pattern, reads)
+    kept = _rows_that_suffice(pattern, reads)
     part = csc_array(pattern[kept])
     n = pattern.shape[1]
     S = cs.Sparsity(*part.shape, part.indptr.tolist(), part.indices.tolist())
@@ -95,11 +95,11 @@ def decomposed(residuals: csc_array, held: csc_array | None = None) -> Structure
     _, p, q, _, _, row_edges, column_edges = S.btf()
     p, q = kept[np.array(p, dtype=np.int64)], np.array(q, dtype=np.int64)
     r, c = list(row_edges), list(column_edges)
-    left = np.setdiff1d(np.arange(pattern.shape[0]), kept)
+    others = np.setdiff1d(np.arange(pattern.shape[0]), kept)
     return Structure(
         residuals,
         rank=n - (c[4] - c[3]),
-        over=Submatrix(np.sort(np.concatenate([p[r[0] : r[2]], left])), np.sort(q[c[0] : c[1]])),
+        over=Submatrix(np.sort(np.concatenate([p[r[0] : r[2]], others])), np.sort(q[c[0] : c[1]])),
         square=Submatrix(np.sort(p[r[2] : r[3]]), np.sort(q[c[1] : c[2]])),
         under=Submatrix(np.sort(p[r[3] : r[4]]), np.sort(q[c[2] : c[4]])),
         unread=np.flatnonzero(np.diff(pattern.indptr) == 0),
@@ -107,7 +107,7 @@ def decomposed(residuals: csc_array, held: csc_array | None = None) -> Structure
     )
 
 
-def _enough(pattern: csc_array, reads: Index) -> Index:
+def _rows_that_suffice(pattern: csc_array, reads: Index) -> Index:
     """The rows that suffice for the decomposition, rising.
 
     Of all rows that read the same k columns at most k can be matched: k + 1 of them are enough.
@@ -145,7 +145,7 @@ def duplicates(problem: Problem, here: Linearization) -> tuple[tuple[str, str], 
 
     Where both residuals are zero here, they must also read the same blocks.
     """
-    found = []
+    pairs = []
     reads = {residual.name: set(residual.reads) for residual in problem.residuals}
     for (name, rows), (other, others) in combinations(problem.rows.items(), 2):
         if rows.stop - rows.start != others.stop - others.start:
@@ -153,19 +153,19 @@ def duplicates(problem: Problem, here: Linearization) -> tuple[tuple[str, str], 
         # a residual of zero does not distinguish one measurement from another
         comparable = np.any(here.residual[rows]) or reads[name] == reads[other]
         if comparable and _same(here, rows, others):
-            found.append((name, other))
-    return tuple(found)
+            pairs.append((name, other))
+    return tuple(pairs)
 
 
 def _same(here: Linearization, rows: slice, others: slice) -> bool:
     every = slice(0, here.shape[1])
     a, b = here.block(rows, every), here.block(others, every)
     r, s = here.residual[rows], here.residual[others]
-    size, other = float(np.hypot(a.norm, norm(r))), float(np.hypot(b.norm, norm(s)))
     if not a.norm or not b.norm:
         return False
-    for scale in (1 / other, -1 / other):
-        apart = distance(a.jacobian, 1 / size, b.jacobian, scale), norm(r / size - s * scale)
-        if np.hypot(*apart) < 1e-10:
+    size, other_size = float(np.hypot(a.norm, norm(r))), float(np.hypot(b.norm, norm(s)))
+    for factor in (1 / other_size, -1 / other_size):
+        of_jacobians = distance(a.jacobian, 1 / size, b.jacobian, factor)
+        if np.hypot(of_jacobians, norm(r / size - s * factor)) < 1e-10:
             return True
     return False

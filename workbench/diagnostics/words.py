@@ -7,10 +7,11 @@ import numpy as np
 
 from workbench.arrays import Index
 from workbench.blocks import Block, Layout
+from workbench.diagnostics.scales import METRES
 from workbench.errors import some_of
 
-LENGTHS = ("1", "m", "dm", "cm", "mm", "um", "km")
-LISTED = 3  # things that move, or that undo it, by name
+LENGTHS = ("1", *METRES)
+MOST_NAMED = 3  # things that move, or that undo it
 
 
 def in_space(block: Block) -> bool:
@@ -26,17 +27,22 @@ def stem(name: str) -> str:
 
 def families(names: Sequence[str]) -> dict[str, list[str]]:
     """The names of blocks by their stem, where several have the same one."""
-    found: dict[str, list[str]] = {}
+    by_stem: dict[str, list[str]] = {}
     for name in names:
         if stem(name):
-            found.setdefault(stem(name), []).append(name)
-    return {one: members for one, members in found.items() if len(members) > 1}
+            by_stem.setdefault(stem(name), []).append(name)
+    return {common: members for common, members in by_stem.items() if len(members) > 1}
 
 
 def things(names: Sequence[str], some: Sequence[str]) -> list[str]:
     """Some of the blocks, those of one family by their stem if the family is whole."""
-    whole = {n: one for one, ns in families(names).items() if set(ns) <= set(some) for n in ns}
-    return list(dict.fromkeys(whole.get(name, name) for name in some))
+    stems = {
+        name: common
+        for common, members in families(names).items()
+        if set(members) <= set(some)
+        for name in members
+    }
+    return list(dict.fromkeys(stems.get(name, name) for name in some))
 
 
 def row_label(block: Block, row: int, wide: int) -> str:
@@ -51,11 +57,11 @@ def listed(names: Sequence[str]) -> str:
     for name in names:
         numbered.setdefault(re.sub(r"\d+", "#", name), []).append(name)
     short = [
-        one
+        name
         for alike in numbered.values()
-        for one in ([f"{alike[0]} to {alike[-1]}"] if len(alike) > 2 else alike)
+        for name in ([f"{alike[0]} to {alike[-1]}"] if len(alike) > 2 else alike)
     ]
-    return " and ".join(short) if len(short) < 3 else some_of(short, LISTED)
+    return " and ".join(short) if len(short) < 3 else some_of(short, MOST_NAMED)
 
 
 def rows_of(block: Block, entries: Index) -> str:

@@ -44,7 +44,7 @@ PUBLISHED = {
     "keypoints3d_dlt": any_reals("frames", "M", 3),
 }
 ADJUSTED = {"R": reals(4, 3, 3), "T": reals(4, 3)}
-FITTED = 40  # the frame of the main experiment
+FRAME = 40  # the frame of the main experiment
 
 
 def published() -> dict[str, NDArray[Any]]:
@@ -63,7 +63,7 @@ def _shipped(name: str, expected: Mapping[str, Expected]) -> dict[str, NDArray[A
         return read_expected(archive, expected)
 
 
-def observations(frame: int = FITTED) -> tuple[Observations, Array]:
+def observations(frame: int = FRAME) -> tuple[Observations, Array]:
     """The keypoints of one frame, and the file's own triangulation of them (M, 3) m.
 
     The four cameras are the adjusted ones. Raises UnknownName.
@@ -88,7 +88,7 @@ def observations(frame: int = FITTED) -> tuple[Observations, Array]:
 
 
 def balance(
-    frame: int = FITTED,
+    frame: int = FRAME,
     body: str = "default",
     held_out: Sequence[str] = (),
     sigma: float = 4.0,
@@ -99,7 +99,7 @@ def balance(
     Cameras in `held_out` are not used for the fit, only for the measures. Raises UnknownName for a
     frame or a camera that does not exist.
     """
-    observed, reference, question = _asked(frame, model := load_body(body), held_out)
+    observed, reference, question = _case(frame, model := load_body(body), held_out)
     return keypoint_fit(
         observed,
         model,
@@ -111,14 +111,14 @@ def balance(
     )
 
 
-def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
+def balance_monocular(frame: int = FRAME, body: str = "default", camera: str = "cam01") -> Setup:
     """Fit one camera as `workbench fit` fits an image (`image_fit`); the other three are held out
     and show how far off the depth is. Raises UnknownName as `balance` does.
     """
     known = [p.name for p in observations(frame)[0].photographs]
     check_known("camera", camera, known)
     held_out = tuple(name for name in known if name != camera)
-    observed, reference, question = _asked(frame, model := load_body(body), held_out)
+    observed, reference, question = _case(frame, model := load_body(body), held_out)
     return image_fit(
         observed,
         model,
@@ -130,7 +130,7 @@ def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = 
     )
 
 
-def _asked(frame: int, body: Body, held_out: Sequence[str]) -> tuple[Observations, Array, str]:
+def _case(frame: int, body: Body, held_out: Sequence[str]) -> tuple[Observations, Array, str]:
     """The keypoints of a frame, their places (M, 3) m by the file, and what is asked of them."""
     observed, triangulated = observations(frame)
     known = [p.name for p in observed.photographs]
@@ -174,15 +174,15 @@ def balance_video(
 ) -> Setup:
     """Fit one shape and the poses of frames `first` to `last`, of which each `step`-th is taken.
 
-    `sigma` is in px; without one it follows the person's size (`video_fit`). Frames are told how
-    much they are worth together by their own errors. Raises BadArgument if there are fewer than two
-    frames, and UnknownName for a camera or a frame that does not exist.
+    `sigma` is in px; without one it follows the person's size. How many independent frames these
+    are worth is estimated from their errors (`video_fit`). Raises BadArgument if there are fewer
+    than two frames, and UnknownName for a camera or a frame that does not exist.
     """
-    all_ = len(published()["keypoints"])
-    if step < 1 or not 0 <= first < last < all_ or last - first < step:
+    count = len(published()["keypoints"])
+    if step < 1 or not 0 <= first < last < count or last - first < step:
         raise BadArgument(
-            f"a video is two frames or more of the frames 0 to {all_ - 1}, from first to last by a "
-            f"step of 1 or more, not {first} to {last} by {step}"
+            f"a video is two frames or more of the frames 0 to {count - 1}, from first to last by "
+            f"a step of 1 or more, not {first} to {last} by {step}"
         )
     frames, seen = range(first, last + 1, step), names(cameras)
     return video_fit(

@@ -50,19 +50,19 @@ from workbench.residuals import apart, landmarks, vertices
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 from workbench.solvers import solve
 
-BENT = 0.3  # rad about each axis of a joint, where no other sigma is given
+BEND_SIGMA = 0.3  # rad about each axis of a joint, where no other sigma is given
 KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits each, m
     "squares": (quadratic, 0.005),
     "huber": (huber(), 0.005),
     "geman-mcclure": (geman_mcclure, 0.05),
 }
-TURN = 1.5  # how much more the root is turned than other joints
+ROOT_TURN = 1.5  # how much more the root is turned than other joints
 STARTS_IN_WORDS = {
     "zero": "the template where it is",
     "placed": "the template moved onto them",
     "procrustes": "a pose in which each part is turned onto its vertices",
 }
-DRAWS = 100  # poses of which one is taken
+POSES_DRAWN = 100  # poses of which one is taken
 
 
 def known_correspondences(
@@ -153,7 +153,7 @@ def body_vertices(
     body: str = "small",
     seed: int = 0,
     start: int = 0,
-    pose_sigma: float = BENT,
+    pose_sigma: float = BEND_SIGMA,
     noise: float = 0.0,
     start_sigma: float = 0.3,
 ) -> Setup:
@@ -175,13 +175,13 @@ def body_outliers(
 ) -> Setup:
     """Fit vertices of which a `share` is 0.3 m off and the rest 5 mm, with one of KERNELS.
 
-    `squares` trust all vertices, and `huber` bounds the pull of each. With `geman-mcclure` far
-    vertices hardly pull, also good ones that are far off only because of where the fit starts.
+    `squares` trust all vertices, and `huber` bounds the influence of each. With `geman-mcclure` far
+    vertices have hardly any, also good ones that are far off only because of where the fit starts.
     Raises UnknownName for another kernel.
     """
     check_known("kernel", kernel, KERNELS)
     robust, sigma = KERNELS[kernel]
-    model, rng, truth = drawn_person(body, seed, bent_person, BENT)
+    model, rng, truth = drawn_person(body, seed, bent_person, BEND_SIGMA)
     surface = model.vertices(**truth)
     off = np.where(rng.random(len(surface)) < share, 0.3, 0.005)  # m
     setup = mesh_fit(
@@ -205,7 +205,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
 
     Many of the true values lie outside of these bounds.
     """
-    model, _, truth = drawn_person(body, seed, bent_person, BENT)
+    model, _, truth = drawn_person(body, seed, bent_person, BEND_SIGMA)
     pose, betas, _ = (block.name for block in model.blocks())
     bounds = {pose: (-limit, limit), betas: (-1.0, 1.0)}
 
@@ -247,7 +247,7 @@ def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float
 
 
 def body_joints_alone(
-    body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = BENT
+    body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = BEND_SIGMA
 ) -> Setup:
     """Fit exact joints without priors: the Jacobian is rank-deficient, and many bodies fit."""
     model, _, truth = drawn_person(body, seed, bent_person, pose_sigma)
@@ -296,12 +296,10 @@ def body_cameras(
     )
 
 
-def _linear_blend_skinning(body: SkinnedBody) -> SkinnedBody:
-    return replace(body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS")
-
-
 MODELS: Mapping[str, Callable[[SkinnedBody], SkinnedBody | TriangleBody]] = {
-    "lbs": _linear_blend_skinning,
+    "lbs": lambda body: replace(
+        body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS"
+    ),
     "smpl": lambda body: body,
     "scape": scape,
     "blend-scape": blend_scape,
@@ -323,26 +321,25 @@ def body_points(
     fitted, rng = MODELS[model](load_skinned(body)), np.random.default_rng(seed)
     truth = bent_person(fitted, rng, 0.4)
     pose, betas, trans = fitted.blocks()
-    truth[pose.name][0] *= TURN
+    truth[pose.name][0] *= ROOT_TURN
     surface = fitted.vertices(**truth)
-    seen = np.arange(0, fitted.n_vertices, 7)
-    observed = _with_noise(surface[seen], 0.005, rng)
-    points = fitted.points(pose.symbol, betas.symbol, trans.symbol, vertices=seen)
+    indices = np.arange(0, fitted.n_vertices, 7)
+    observed = _with_noise(surface[indices], 0.005, rng)
+    points = fitted.points(pose.symbol, betas.symbol, trans.symbol, vertices=indices)
     data = vertices(points, observed, sigma=0.005)
 
     def measures(values: Values) -> tuple[Measure, ...]:
-        found = fitted.vertices(*(values[block.name] for block in fitted.blocks()))
+        here = fitted.vertices(*(values[block.name] for block in fitted.blocks()))
         return (
-            rms("observed points", distances(found[seen], observed)),
-            rms("vertex to synthetic truth", distances(found, surface)),
+            rms("observed points", distances(here[indices], observed)),
+            rms("vertex to synthetic truth", distances(here, surface)),
         )
 
     setup = Setup(
         problem=Problem((data, shape_prior(fitted)), (pose.name, betas.name, trans.name)),
         start=random_start(fitted, seed, start),
-        question=f"{len(seen)} vertices of a synthetic person (seed {seed}) of the model {model} "
-        f"are known to 5 mm. Does a fit of this model find the person"
-        f"{start_text(start)}?",
+        question=f"{len(indices)} vertices of a synthetic person (seed {seed}) of the model "
+        f"{model} are known to 5 mm. Does a fit of this model find the person{start_text(start)}?",
         body=fitted,
         truth=surface,
         measures=measures,
@@ -403,41 +400,41 @@ def registration(
 def self_contact(body: str = "small", seed: int = 3, noise: float = 0.01) -> Setup:
     """Fit a body to its joints, which noise of so many m moved, in a pose that penetrates itself.
 
-    The pose is the one of `DRAWS` draws of the mixture of poses whose capsules overlap most nearly
+    Of `POSES_DRAWN` draws of the mixture of poses it is the one whose capsules overlap most nearly
     by 3 cm. What remains of the overlap has a standard deviation of 1 mm.
     """
     model = load_body(body)
     if not isinstance(model, SkinnedBody):
         raise BadArgument(f"the body {body!r} has no capsules; take small or default")
     rng = np.random.default_rng(seed)
-    poses = draw_poses(shipped_mixture(), DRAWS, rng)
+    poses = draw_poses(shipped_mixture(), POSES_DRAWN, rng)
     overlap = -capsule_gaps(model, poses).min(axis=1)
-    taken = poses[int(np.argmin(abs(overlap - 0.03)))]
+    chosen = poses[int(np.argmin(abs(overlap - 0.03)))]
     pose, betas, trans = model.blocks()
     symbols = pose.symbol, betas.symbol, trans.symbol
-    joints = model.joints(taken)
+    joints = model.joints(chosen)
     observed = Block("observed", joints.shape, "m", model.joint_names)
     data = landmarks(model.joint_points(*symbols), observed.symbol, sigma=noise, name="joints")
     capsules, ends = capsules_of(model), capsule_points(model, *symbols)
     contact = apart(ends, capsules.radii_in(betas.symbol), capsules.pairs, sigma=0.001)
     priors = (pose_prior(model), shape_prior(model))
-    at = model.start() | {observed.name: joints + noise * rng.standard_normal(joints.shape)}
+    start = model.start() | {observed.name: joints + noise * rng.standard_normal(joints.shape)}
 
     def measures(values: dict[str, np.ndarray]) -> tuple[Measure, ...]:
-        found = [values[block.name] for block in model.blocks()]
-        gaps = capsule_gaps(model, *found)
+        person = [values[block.name] for block in model.blocks()]
+        gaps = capsule_gaps(model, *person)
         deepest = int(np.argmin(gaps))
         pair = capsules.pair_names[deepest].replace("_", " ")
         return (
             Measure("deepest overlap", float(1e3 * max(0.0, -gaps[deepest])), "mm", pair),
-            rms("joint to observation", distances(model.joints(*found), at[observed.name])),
+            rms("joint to observation", distances(model.joints(*person), start[observed.name])),
         )
 
     return Setup(
         problem=Problem(
             (data, *priors, contact), [b.name for b in model.blocks()], blocks=(observed,)
         ),
-        start=at,
+        start=start,
         question=f"The joints of a pose (seed {seed}) in which the body goes through itself were "
         f"observed to {1e3 * noise:g} mm. Which pose near it keeps the limbs apart?",
         body=model,

@@ -16,8 +16,8 @@ from workbench.experiments.body_fits import (
     shape_from_landmarks,
 )
 from workbench.experiments.experiment import (
-    BESIDE,
-    ENOUGH,
+    OPTIONAL_NAMES,
+    REQUIRED_NAMES,
     Experiment,
     converted,
     parameters,
@@ -74,7 +74,7 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     Arguments are values, or the texts that were typed for them. Raises UnknownName, BadArgument, or
     BadFile with the line of the file that failed.
     """
-    members = {one.name: one for suite in SUITES.values() for one in suite}
+    members = {member.name: member for suite in SUITES.values() for member in suite}
     if name in EXPERIMENTS or name in members:
         experiment = EXPERIMENTS.get(name) or members[name]
     elif name.endswith(".py"):
@@ -90,10 +90,10 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     changed = dict(arguments or {})
     with user_errors(experiment.source):
         known = parameters(experiment.build)
-    for argument, given in changed.items():
+    for argument, value in changed.items():
         check_known(f"argument of {experiment.name}", argument, known)
         what = f"{argument} of {experiment.name}"
-        changed[argument] = converted(what, known[argument].annotation, given)
+        changed[argument] = converted(what, known[argument].annotation, value)
     return replace(experiment, arguments={**experiment.arguments, **changed})
 
 
@@ -110,14 +110,14 @@ def _described(module: Any, path: Path) -> Experiment:
         if Path(experiment.name).name != experiment.name:
             raise BadFile(f"an experiment's name is that of a folder, not {experiment.name!r}")
         return experiment
-    found = getattr(module, "setup", None)
-    if isinstance(found, Setup):
-        return Experiment(path.stem, lambda: found, path.name)
-    if callable(found):
-        return Experiment(path.stem, found, path.name)
+    setup = getattr(module, "setup", None)
+    if isinstance(setup, Setup):
+        return Experiment(path.stem, lambda: setup, path.name)
+    if callable(setup):
+        return Experiment(path.stem, setup, path.name)
     if hasattr(module, "problem") and hasattr(module, "start"):
         question = (module.__doc__ or f"The problem of {path.name}.").strip()
-        made = Setup(
+        described = Setup(
             module.problem,
             module.start,
             question,
@@ -127,9 +127,9 @@ def _described(module: Any, path: Path) -> Experiment:
             candidates=getattr(module, "candidates", {}),
             gauges=getattr(module, "gauges", ()),
         )
-        return Experiment(path.stem, lambda: made, path.name)
+        return Experiment(path.stem, lambda: described, path.name)
     lacks = "it defines no experiment"
-    for there, missing in (("problem", "start"), ("start", "problem")):
-        if hasattr(module, there):
-            lacks = f"it defines `{there}`, but no `{missing}`"
-    raise BadFile(f"{lacks}; it needs {ENOUGH}; {BESIDE}")
+    for present, missing in (("problem", "start"), ("start", "problem")):
+        if hasattr(module, present):
+            lacks = f"it defines `{present}`, but no `{missing}`"
+    raise BadFile(f"{lacks}; it needs {REQUIRED_NAMES}; {OPTIONAL_NAMES}")

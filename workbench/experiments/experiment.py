@@ -30,7 +30,7 @@ from workbench.fitting.setup import Setup, names
 from workbench.identity import file_digest
 
 IN_CASADI = re.compile(r"^\S*casadi\S*:\d+: (Assertion .* failed:\s*)?")  # where in its source
-COLUMNS = (
+POINTS_ARE_COLUMNS = (
     "in expressions points are columns, so that the symbol of a block of shape (N, 3) is 3 x N, as "
     "that of joints or vertices is"
 )
@@ -60,8 +60,8 @@ def user_errors(
             raise BadFile(f"{place}: {_reason(error)}") from error
         if isinstance(error, WorkbenchError) or not arguments:
             raise
-        given = ", ".join(f"{name}={value!r}" for name, value in arguments.items())
-        raise BadArgument(f"{what} cannot be built with {given}: {_reason(error)}") from error
+        listed = ", ".join(f"{name}={value!r}" for name, value in arguments.items())
+        raise BadArgument(f"{what} cannot be built with {listed}: {_reason(error)}") from error
 
 
 def _reason(error: BaseException) -> str:
@@ -69,15 +69,15 @@ def _reason(error: BaseException) -> str:
         return str(error)
     if isinstance(error, SystemExit):
         return f"it ends the program (sys.exit({error.code})) where it is read; take that out"
-    said = error.msg if isinstance(error, SyntaxError) else message_of(error)
+    message = error.msg if isinstance(error, SyntaxError) else message_of(error)
     for kind, instead in NO_NUMBERS.items():
-        if isinstance(error, TypeError) and f"'{kind}'" in said:
-            return f"{said}; {instead}"
-    if place := IN_CASADI.match(said):
-        said = said[place.end() :]
-        about_shapes = "imension" in said or "shape" in said
-        return f"{said.rstrip('.')}; {COLUMNS}" if about_shapes else said
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+        if isinstance(error, TypeError) and f"'{kind}'" in message:
+            return f"{message}; {instead}"
+    if place := IN_CASADI.match(message):
+        message = message[place.end() :]
+        about_shapes = "imension" in message or "shape" in message
+        return f"{message.rstrip('.')}; {POINTS_ARE_COLUMNS}" if about_shapes else message
+    return f"{type(error).__name__}: {message}" if message else type(error).__name__
 
 
 def parameters(build: Callable[..., object]) -> Mapping[str, Parameter]:
@@ -88,7 +88,7 @@ def parameters(build: Callable[..., object]) -> Mapping[str, Parameter]:
         return signature(build).parameters
 
 
-def converted(what: str, annotation: object, given: object) -> Any:
+def converted(what: str, annotation: object, value: object) -> Any:
     """A value, or the text that was typed for one, converted to an annotation.
 
     int, float, bool, str, sequences of str, and unions of these with each other and None are
@@ -96,14 +96,14 @@ def converted(what: str, annotation: object, given: object) -> Any:
     is JSON. `what` names the argument in the error. Raises BadArgument.
     """
     union = get_origin(annotation) in (Union, UnionType)
-    kinds = [_kind(one) for one in (get_args(annotation) if union else (annotation,))]
+    kinds = [_kind(kind) for kind in (get_args(annotation) if union else (annotation,))]
     for _, convert in kinds:
         try:
-            return convert(given)
+            return convert(value)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             continue
     raise BadArgument(
-        f"{what} must be {' or '.join(wanted for wanted, _ in kinds)}, not {shown(given)}"
+        f"{what} must be {' or '.join(words for words, _ in kinds)}, not {shown(value)}"
     )
 
 
@@ -115,54 +115,53 @@ def _kind(annotation: object) -> tuple[str, Callable[[Any], Any]]:
     return _KINDS.get(annotation, ("anything", _anything))
 
 
-def _whole(given: Any) -> int:
-    _refuse(isinstance(given, (bool, np.bool_)))
-    return int(given) if isinstance(given, str) else operator.index(given)
-
-
-def _real(given: Any) -> float:
-    _refuse(isinstance(given, (bool, np.bool_)) or not math.isfinite(float(given)))
-    return float(given)
-
-
-def _text(given: Any) -> Any:
-    _refuse(not isinstance(given, (str, os.PathLike)))
-    return given
-
-
-def _names(given: Any) -> tuple[str, ...]:
-    typed = isinstance(given, str) and given.startswith("[")
-    found = names(json.loads(given) if typed else given)
-    _refuse(not all(isinstance(name, str) for name in found))
-    return () if found == ("",) else found
-
-
-def _anything(given: Any) -> Any:
-    try:
-        return json.loads(given) if isinstance(given, str) else given
-    except ValueError:
-        return given
-
-
-def _refuse(wrong: bool) -> None:
-    if wrong:
+def _whole(value: Any) -> int:
+    if isinstance(value, (bool, np.bool_)):
         raise TypeError
+    return int(value) if isinstance(value, str) else operator.index(value)
+
+
+def _real(value: Any) -> float:
+    if isinstance(value, (bool, np.bool_)) or not math.isfinite(float(value)):
+        raise TypeError
+    return float(value)
+
+
+def _text(value: Any) -> Any:
+    if not isinstance(value, (str, os.PathLike)):
+        raise TypeError
+    return value
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    is_json = isinstance(value, str) and value.startswith("[")
+    strings = names(json.loads(value) if is_json else value)
+    if not all(isinstance(name, str) for name in strings):
+        raise TypeError
+    return () if strings == ("",) else strings
+
+
+def _anything(value: Any) -> Any:
+    try:
+        return json.loads(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 _KINDS: dict[object, tuple[str, Callable[[Any], Any]]] = {
     int: ("a whole number", _whole),
     float: ("a finite number", _real),
-    bool: ("true or false", lambda given: {"true": True, "false": False}[str(given).lower()]),
+    bool: ("true or false", lambda value: {"true": True, "false": False}[str(value).lower()]),
     str: ("a text", _text),
-    NoneType: ("none", lambda given: {"none": None, "null": None}[str(given).lower()]),
+    NoneType: ("none", lambda value: {"none": None, "null": None}[str(value).lower()]),
 }
 
 
 # What such a file may define, for --help and for the error of one that defines nothing.
-ENOUGH = (
+REQUIRED_NAMES = (
     "`problem` and `start`, or `setup` (a Setup, or a function that returns one), or `experiment`"
 )
-BESIDE = (
+OPTIONAL_NAMES = (
     "beside `problem` and `start`, `priors` names the residuals that are not data, `body` is the "
     "body to draw, `compared` names solvers to run as well, `candidates` are residuals by name "
     "that could be measured next, and `gauges` are motions (Gauge) that change no residual"
@@ -188,7 +187,7 @@ def run_file(path: Path, instead: str) -> tuple[ModuleType, str]:
     if folder not in sys.path:
         sys.path.insert(0, folder)
     with user_errors(source):
-        # what Python keeps of a file is that of another one of the same size and second
+        # not by the bytecode that Python keeps: a file changed within a second has the old one
         exec(compile(path.read_bytes(), source, "exec"), vars(module))
     return module, source
 

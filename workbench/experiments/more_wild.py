@@ -191,13 +191,13 @@ def heart(x: cs.MX, m: int) -> cs.MX:
 
     sum over both of (a + i c) (t + i v)^k is given for k = 0 to 3, x = (a b, c d, t u, v w).
     """
-    given = (-0.69, -0.044, -1.57, -1.31, -2.65, 2.0, -12.6, 9.48)
+    moments = (-0.69, -0.044, -1.57, -1.31, -2.65, 2.0, -12.6, 9.48)
     (real, imaginary), t, v = (x[:2], x[2:4]), x[4:6], x[6:]
     rows = []
     for _ in range(4):
         rows += [cs.sum1(real), cs.sum1(imaginary)]
         real, imaginary = real * t - imaginary * v, real * v + imaginary * t
-    return cs.vertcat(*rows) - cs.DM(given)
+    return cs.vertcat(*rows) - cs.DM(moments)
 
 
 def mancino_start(n: int) -> Array:
@@ -227,7 +227,7 @@ NEAR_ONLY = frozenset(
         "mancino-10",
     ]
 )
-MOVED = 0.1  # of an entry of the standard start, by which random starts lie off
+START_OFFSET = 0.1  # of an entry of the standard start, by which random starts lie off
 
 
 @dataclass(frozen=True)
@@ -325,8 +325,9 @@ def more_wild(
     m = family.sizes[n]
     x = Block("x", (n,), labels=tuple(f"x{i + 1}" for i in range(n)))
     standard = family.start(n)
-    moved = MOVED * np.random.default_rng(start).standard_normal(n) if start else np.zeros(n)
-    away = scale * (standard + moved * np.where(standard == 0, 1.0, np.abs(standard)))
+    noise = np.random.default_rng(start).standard_normal(n) if start else np.zeros(n)
+    scales = np.where(standard == 0, 1.0, np.abs(standard))
+    start_point = scale * (standard + START_OFFSET * noise * scales)
     answer = None if family.answer is None else {"x": family.answer(n)}
     problem = Problem((Residual(function, family.residual(x.symbol, m), 1.0),), ("x",), blocks=(x,))
     least = LEAST.get((function, n), 0.0)
@@ -336,7 +337,7 @@ def more_wild(
 
     return Setup(
         problem=problem,
-        start={"x": away},
+        start={"x": start_point},
         question=f"{function}: {m} residuals of {n} unknowns, as Moré and Wild set it, from "
         f"{scale:g} times the standard start{f', moved (start {start})' if start else ''}. Is "
         "the least sum of squares found?",
@@ -348,13 +349,13 @@ def more_wild(
 
 def _set() -> tuple[Experiment, ...]:
     """The paper's 53 problems in its order, then the one with 100 unknowns."""
-    found = []
+    experiments = []
     for function, family in FAMILIES.items():
         for n, m in family.sizes.items():
             name = f"{function}-{n}" if len(family.sizes) > 1 else function
             for scale in (1.0,) if NEAR_ONLY & {function, name} else (1.0, 10.0):
                 far = "" if scale == 1 else "-far"
-                found.append(
+                experiments.append(
                     Experiment(
                         f"more-wild-{name}{far}",
                         more_wild,
@@ -362,7 +363,7 @@ def _set() -> tuple[Experiment, ...]:
                         {"function": function, "n": n, "scale": scale},
                     )
                 )
-    return tuple(sorted(found, key=lambda one: one.arguments["n"] == 100))
+    return tuple(sorted(experiments, key=lambda member: member.arguments["n"] == 100))
 
 
 MORE_WILD = _set()

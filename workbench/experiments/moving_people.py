@@ -36,10 +36,10 @@ SWINGS = {
     "left_shoulder": -0.4,
     "right_shoulder": 0.4,
 }  # rad, forwards and backwards
-PERIOD = 8  # frames of two steps
+FRAMES_PER_CYCLE = 8  # frames of two steps
 SPEED = 0.04  # m a frame
 POSE_SIGMA, TRANS_SIGMA = 0.2, 0.05  # rad and m: the usual change from frame to frame
-FILMED = (
+FILM_IS_SYNTHETIC = (
     "the filmed body is the model itself, which swings its arms and legs, with noise in the "
     "images; nobody was filmed, and a real person is no body of the model"
 )
@@ -73,12 +73,14 @@ def body_video(
     kind = landmark_set(model)
     names = model.landmark_names(kind)
     points = model.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
-    moving = zip(truth[pose.name], truth[trans.name], strict=True)
-    places = np.array([model.landmark(kind, p, truth[betas.name], t) for p, t in moving])
+    posed = zip(truth[pose.name], truth[trans.name], strict=True)
+    places = np.array([model.landmark(kind, p, truth[betas.name], t) for p, t in posed])
     terms: list[Residual] = []
     blocks: list[Block] = []
     shared = [betas.name]
-    values = dict(_start_of_all(model, seed, start, frames))
+    values = dict(random_start(model, seed, start))
+    for name in (pose.name, trans.name):
+        values[name] = np.repeat(values[name][None], frames, axis=0)
     for i in range(cameras):
         camera = Camera(f"camera {i + 1}/")
         residual, observations = camera_residual(points, camera, names, noise, quadratic)
@@ -106,10 +108,10 @@ def body_video(
         f"camera{'s' * (cameras > 1)} to {noise:g} px; {100 * missing:g} % of its keypoints are "
         f"missing. Its shape is one and the same in all frames, and its motion is smooth. Which "
         f"motion is the likeliest{start_text(start)}?",
-        measures=lambda found: _measures(model, found, truth),
+        measures=lambda values: _measures(model, values, truth),
         priors=(*(prior.name for prior in priors), "smooth pose", "smooth place"),
         compared=SECOND_ORDER,
-        synthetic=FILMED,
+        synthetic=FILM_IS_SYNTHETIC,
     )
     return with_refined_answer(setup, truth)
 
@@ -121,7 +123,7 @@ def walk(body: Body, rng: np.random.Generator, frames: int) -> Values:
     """
     pose, _, trans = (block.name for block in body.blocks())
     person = likely_person(body, rng)
-    phase = np.sin(2 * np.pi * np.arange(frames) / PERIOD)
+    phase = np.sin(2 * np.pi * np.arange(frames) / FRAMES_PER_CYCLE)
     poses = np.repeat(person[pose][None], frames, axis=0)
     for joint, angle in SWINGS.items():
         if joint in body.joint_names:
@@ -130,30 +132,23 @@ def walk(body: Body, rng: np.random.Generator, frames: int) -> Values:
     return person | {pose: poses, trans: person[trans] + steps[:, None] * [0.0, 0.0, 1.0]}
 
 
-def _start_of_all(body: Body, seed: int, start: int, frames: int) -> Values:
-    """The start by `random_start`, with the same pose and trans in every frame."""
-    pose, _, trans = (block.name for block in body.blocks())
-    one = random_start(body, seed, start)
-    return one | {name: np.repeat(one[name][None], frames, axis=0) for name in (pose, trans)}
-
-
 def _measures(body: Body, values: Mapping[str, Array], truth: Values) -> tuple[Measure, ...]:
     pose, betas, trans = (block.name for block in body.blocks())
 
-    def joints(found: Mapping[str, Array]) -> Array:
-        moving = zip(found[pose], found[trans], strict=True)
-        return np.array([body.joints(p, found[betas], t) for p, t in moving])
+    def joints(values: Mapping[str, Array]) -> Array:
+        frames = zip(values[pose], values[trans], strict=True)
+        return np.array([body.joints(p, values[betas], t) for p, t in frames])
 
-    off = distances(joints(values), joints(truth))  # (T, K)
+    errors = distances(joints(values), joints(truth))  # (T, K)
     return (
-        rms("joint to synthetic truth", off),
-        Measure("joint to synthetic truth, worst frame", float(off.mean(axis=1).max()), "mm"),
+        rms("joint to synthetic truth", errors),
+        Measure("joint to synthetic truth, worst frame", float(errors.mean(axis=1).max()), "mm"),
         rms("betas to synthetic truth", values[betas] - truth[betas], "sd"),
     )
 
 
 Placed = Callable[[SkinnedBody, MarkerSet, Array, float, np.random.Generator], Array]
-WORN = (
+MARKERS_ARE_SYNTHETIC = (
     "the person is the model itself, in poses that are drawn from the pose prior, with made-up "
     "places of the markers; nobody was recorded, skin does not slide, and no marker is mislabelled"
 )
@@ -194,8 +189,8 @@ def markers(
     )
     return replace(
         setup,
-        measures=lambda found: (*true_measures(model, found, truth), *setup.measures(found)),
-        synthetic=WORN,
+        measures=lambda values: (*true_measures(model, values, truth), *setup.measures(values)),
+        synthetic=MARKERS_ARE_SYNTHETIC,
         made_of=truth,
     )
 
@@ -229,14 +224,14 @@ def dressed_person(
     return {pose: poses, shape: betas, place: trans, "offsets": offsets}, observed
 
 
-def true_measures(body: SkinnedBody, found: Values, truth: Values) -> tuple[Measure, ...]:
+def true_measures(body: SkinnedBody, values: Values, truth: Values) -> tuple[Measure, ...]:
     """How far the shape at rest and the offsets are from the truth, root mean squares in mm."""
     betas = body.blocks()[1].name
-    off = body.shapedirs @ (found[betas] - truth[betas])
+    difference = body.shapedirs @ (values[betas] - truth[betas])
     return (
-        rms("rest shape to synthetic truth", 1e3 * np.linalg.norm(off, axis=1)),
+        rms("rest shape to synthetic truth", 1e3 * np.linalg.norm(difference, axis=1)),
         rms(
             "offsets to synthetic truth",
-            1e3 * np.linalg.norm(found["offsets"] - truth["offsets"], axis=1),
+            1e3 * np.linalg.norm(values["offsets"] - truth["offsets"], axis=1),
         ),
     )

@@ -61,8 +61,8 @@ MODELS: Mapping[str, Model] = {
 def certified() -> Mapping[str, Mapping[str, Any]]:
     """The contents of the file: the facts of each problem, by NIST's name of it."""
     text = (files("workbench") / "data" / "nist" / "nist_strd.json").read_text()
-    found: Mapping[str, Mapping[str, Any]] = json.loads(text)
-    return found
+    facts: Mapping[str, Mapping[str, Any]] = json.loads(text)
+    return facts
 
 
 def nist(problem: str = "Misra1a", start: int = 1) -> Setup:

@@ -24,7 +24,7 @@ from workbench.solvers import DEFAULT, SOLVERS, Callback, Solution, Solver, Stat
 from workbench.solvers.starts import AS_GOOD
 from workbench.threads import limited_threads
 
-SMALLEST = 1e-16  # of the cost at the start: below it a difference of costs is rounding
+COST_ROUNDING = 1e-16  # of the cost at the start: below it a difference of costs is rounding
 
 
 def best_cost(solutions: Mapping[str, Solution]) -> float:
@@ -43,7 +43,7 @@ def relative_excess(cost: float, best: float, start: float) -> float:
     It is infinite for a cost above a best cost of 0.
     """
     above = cost - best
-    if above <= SMALLEST * start:
+    if above <= COST_ROUNDING * start:
         return 0.0
     return above / abs(best) if best else math.inf * above
 
@@ -73,8 +73,8 @@ def as_good(solutions: Mapping[str, Solution]) -> tuple[str, ...]:
 
 def ending_in_words(status: Status, above: bool) -> str:
     """How a solver ended: `converged, not lowest` where one of several costs is lower."""
-    said = status.name.lower().replace("_", " ")
-    return f"{said}, not lowest" if above and status is Status.CONVERGED else said
+    words = status.name.lower().replace("_", " ")
+    return f"{words}, not lowest" if above and status is Status.CONVERGED else words
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,19 +158,19 @@ def run(
     progress(f"building {experiment.name}")
     setup = experiment.setup()
     _measured(experiment, setup, setup.start)  # so that a mistake in it is found before the solve
-    strategy = setup.strategy or (lambda one: one or SOLVERS[DEFAULT])
-    given, solver = solver, strategy(solver)
-    wanted = setup.compared if compare else ()
+    strategy = setup.strategy or (lambda solver: solver or SOLVERS[DEFAULT])
+    chosen, solver = solver, strategy(solver)
+    names = setup.compared if compare else ()
     progress("differentiating")
     warm_up(setup, [solver])
     progress("solving")
     solution = solver.solve(setup.problem, setup.start, callback=callback)
     if not np.isfinite(solution.cost):
         raise WorkbenchError(
-            f"{experiment.name} has no finite cost, or no slope, where it starts: "
+            f"{experiment.name} has no finite cost, or no derivatives, where it starts: "
             f"{solution.message}"
         )
-    own = called(given, solver, solution)
+    name = _solver_name(chosen, solver, solution)
     values = dict(setup.start) | solution.values
     progress("looking at the Jacobian")
     diagnosis = diagnose_whole(setup.problem, values, priors=setup.priors, gauges=setup.gauges)
@@ -179,13 +179,13 @@ def run(
         if 0 < len(setup.priors) < len(setup.problem.residuals)
         else None
     )
-    compared, skipped = _compare(setup, own, solution, wanted, progress)
+    compared, skipped = _compare(setup, name, solution, names, progress)
     body = setup.body
     arguments = arguments_from_values(body, setup.problem.points, values) if body else None
     return Outcome(
         name=experiment.name,
         setup=setup,
-        solver=own,
+        solver=name,
         solution=solution,
         values=values,
         costs={
@@ -207,19 +207,19 @@ def run(
     )
 
 
-def called(given: Solver | None, solver: Solver, solution: Solution) -> str:
+def _solver_name(chosen: Solver | None, solver: Solver, solution: Solution) -> str:
     """The name of a solver in `SOLVERS`, or what it calls itself."""
-    if given is not None and solver is not given:
+    if chosen is not None and solver is not chosen:
         return solution.solver  # with the stages and starts of a setup
-    house = type(solver).__module__.partition(".")[0] == "workbench"
-    options = " (with other options)" if given is not None and house else ""
+    ours = type(solver).__module__.partition(".")[0] == "workbench"
+    options = " (with other options)" if chosen is not None and ours else ""
     return catalogue_name(solver) or f"{solution.solver}{options}"
 
 
 def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Measure, ...]:
     with user_errors(experiment.source):
-        found = setup.measures(values)
-        return checks.several("what `measures` returns", found, Measure, BadSetup)
+        measures = setup.measures(values)
+        return checks.several("what `measures` returns", measures, Measure, BadSetup)
 
 
 def warm_up(setup: Setup, solvers: Iterable[Solver]) -> None:
@@ -249,11 +249,11 @@ def overlay(
 ) -> Overlay:
     """Project the landmarks and the surface of a body, at pose, betas and trans, into a view."""
     surface = body.vertices(*arguments)
-    found = body.landmark(view.landmarks, *arguments)
+    landmarks = body.landmark(view.landmarks, *arguments)
     return Overlay(
         view=view,
         landmarks=body.landmark_names(view.landmarks),
-        projected=view.camera.pixels(found, values),
+        projected=view.camera.pixels(landmarks, values),
         surface=view.camera.pixels(surface, values),
         depth=view.camera.depths(surface, values),
         vertices=surface,
@@ -266,28 +266,28 @@ def catalogue_name(solver: Solver) -> str | None:
 
 
 def _compare(
-    setup: Setup, name: str, solution: Solution, wanted: Sequence[str], progress: Progress
+    setup: Setup, name: str, solution: Solution, others: Sequence[str], progress: Progress
 ) -> tuple[dict[str, Solution], tuple[str, ...]]:
-    """The solutions of the named solver and of those wanted, and the solvers that did not run.
+    """The solutions of the named solver and of the others, and the solvers that did not run.
 
     An interrupt from the keyboard skips all solvers that would follow. A solver that cannot solve
     the problem is left out, and `progress` is called with the reason.
     """
-    found = {name: solution}
-    left = [one for one in dict.fromkeys(wanted) if one != name]
-    while left and found.get(name, solution).status is not Status.STOPPED:
-        name = left[0]
+    solutions = {name: solution}
+    remaining = [other for other in dict.fromkeys(others) if other != name]
+    while remaining and solutions.get(name, solution).status is not Status.STOPPED:
+        name = remaining[0]
         progress(f"comparing: {name}")
         try:
             solver = SOLVERS[name] if setup.strategy is None else setup.strategy(SOLVERS[name])
             warm_up(setup, [solver])
-            found[name] = solver.solve(setup.problem, setup.start)
+            solutions[name] = solver.solve(setup.problem, setup.start)
         except (KeyboardInterrupt, SystemError) as error:
             if not caused_by(error, KeyboardInterrupt):
                 raise
             break
         except WorkbenchError as error:
             progress(f"{name} cannot solve this: {error}")
-        left = left[1:]
-    order = dict.fromkeys((*(one for one in found if one not in wanted), *wanted))
-    return {one: found[one] for one in order if one in found}, tuple(left)
+        remaining = remaining[1:]
+    order = dict.fromkeys((*(n for n in solutions if n not in others), *others))
+    return {n: solutions[n] for n in order if n in solutions}, tuple(remaining)

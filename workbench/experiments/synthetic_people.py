@@ -20,7 +20,7 @@ from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.priors.poses import shipped_gaussian
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
 
-SIZE, FOCAL, AWAY = 1000, 1200.0, 4.0  # px, px, m
+SIZE, FOCAL, DISTANCE = 1000, 1200.0, 4.0  # px, px, m
 
 
 def looking_in(angle: float) -> Mapping[str, Array]:
@@ -31,7 +31,7 @@ def looking_in(angle: float) -> Mapping[str, Array]:
     return {
         "K": np.array([[FOCAL, 0, middle], [0, FOCAL, middle], [0, 0, 1]]),
         "R": np.array([np.cross(down, forward), down, forward]),
-        "t": np.array([0.0, 0.0, AWAY]),
+        "t": np.array([0.0, 0.0, DISTANCE]),
     }
 
 
@@ -72,13 +72,14 @@ def likely_person(body: Body, rng: np.random.Generator) -> Values:
 
     The root, which has no prior, is turned by 0.3 rad per axis.
     """
-    found = bent_person(body, rng, 0.3)
+    person = bent_person(body, rng, 0.3)
     pose = body.blocks()[0].name
     if body.n_joints == 24:
         prior = shipped_gaussian()
-        drawn = prior.mean + np.linalg.cholesky(prior.covariance) @ rng.standard_normal(69)
-        found[pose] = np.vstack([found[pose][:1], drawn.reshape(23, 3)])
-    return found
+        factor = np.linalg.cholesky(prior.covariance)
+        below_root = prior.mean + factor @ rng.standard_normal(69)
+        person[pose] = np.vstack([person[pose][:1], below_root.reshape(23, 3)])
+    return person
 
 
 def random_start(body: Body, seed: int, start: int, sigma: float = 0.3) -> Values:
@@ -125,9 +126,9 @@ def with_refined_answer(setup: Setup, truth: Values, begin: Values | None = None
     solver: Solver = LevenbergMarquardt(gradient_tolerance=TIGHT, max_iterations=500)
     if setup.problem.bounded:
         solver = Ipopt(gradient_tolerance=TIGHT)
-    found = solver.solve(setup.problem, setup.start | (begin or truth))
+    solution = solver.solve(setup.problem, setup.start | (begin or truth))
     source = (
-        f"{found.solver} from the synthetic person that the data were made of; no proof that there "
-        "is none lower"
+        f"{solution.solver} from the synthetic person that the data were made of; no proof that "
+        "there is none lower"
     )
-    return replace(setup, known=KnownAnswer(source, found.cost, found.values), made_of=truth)
+    return replace(setup, known=KnownAnswer(source, solution.cost, solution.values), made_of=truth)

@@ -21,13 +21,13 @@ from workbench.residuals import Residual, apart, gaussian, max_mixture
 POSE_PRIOR, CONTACT = "pose prior", "contact"
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
 TO_THE_WRISTS = 21  # of them, without the root; what is left are fingers as a whole
-OTHERS = 0.5  # rad: joints of which nothing is known
-BESIDE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly in it
+OTHER_JOINTS = 0.5  # rad: joints of which nothing is known
+BESIDE_SPACE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly in it
 BESIDE_ON_A_BODY = 0.1  # rad, the same for the hands of a whole body
 SHORTEST, TALLEST = 0.4, 2.8  # m
-OVERLAP = 0.005  # m, of capsules, which are only about as wide as the limbs
-TISSUE = 1.5  # of a coefficient of soft tissue: their root mean square in made-up motions
-MEASURED = 0.01  # m, the usual standard deviation of a stature that was measured
+OVERLAP_SIGMA = 0.005  # m, of capsules, which are only about as wide as the limbs
+TISSUE_SIGMA = 1.5  # of a coefficient of soft tissue: their root mean square in made-up motions
+MEASURED_SIGMA = 0.01  # m, the usual standard deviation of a stature that was measured
 
 
 def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
@@ -63,13 +63,13 @@ def mixture_prior(body: Body) -> Residual:
 
 
 def apart_prior(body: Body) -> Residual:
-    """How deep the capsules of a body overlap, where they do, with sigma OVERLAP: see `apart`.
+    """How deep the capsules of a body overlap, where they do, with OVERLAP_SIGMA: see `apart`.
 
     The radii follow the betas. Raises BadBody for a body without capsules.
     """
     ends, capsules = posed_capsules(body)
     radii = capsules.radii_in(body.blocks()[1].symbol)
-    return apart(ends, radii, capsules.pairs, sigma=OVERLAP, name=CONTACT)
+    return apart(ends, radii, capsules.pairs, sigma=OVERLAP_SIGMA, name=CONTACT)
 
 
 def posed_capsules(body: Body) -> tuple[Points, Capsules]:
@@ -98,11 +98,11 @@ def pose_gaussian(body: Body) -> tuple[Array, Array]:
         return learned.mean, learned.covariance
     if has_pose_space(body):
         space = pose_space(body)
-        return space.mean, _covariance(space, BESIDE)
+        return space.mean, _covariance(space, BESIDE_SPACE)
     names, recorded = body.joint_names[1:], learned.joint_names[:TO_THE_WRISTS]
     if not {*recorded} <= {*names}:
-        return body.bind_pose[1:], np.array(OTHERS**2)
-    mean, covariance = body.bind_pose[1:].copy(), OTHERS**2 * np.eye(3 * len(names))
+        return body.bind_pose[1:], np.array(OTHER_JOINTS**2)
+    mean, covariance = body.bind_pose[1:].copy(), OTHER_JOINTS**2 * np.eye(3 * len(names))
     _place((mean, covariance), names, recorded, (learned.mean, learned.covariance))
     if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
         space = pose_space(body)
@@ -129,9 +129,9 @@ def _place(
 
 
 def shape_prior(body: Body) -> Residual:
-    """A standard normal prior on betas; those of soft tissue have standard deviation `TISSUE`."""
+    """A standard normal prior on betas; those of soft tissue have `TISSUE_SIGMA`."""
     variances = np.ones(body.n_betas)
-    variances[n_of_shape(body) :] = TISSUE**2
+    variances[n_of_shape(body) :] = TISSUE_SIGMA**2
     return gaussian(body.blocks()[1].symbol, covariance=variances, name="shape prior")
 
 
@@ -162,7 +162,7 @@ def stature_expression(body: SkinnedBody, betas: cs.MX) -> cs.MX:
     return mean + cs.dot(cs.DM(derivatives), betas)
 
 
-def stature_prior(body: SkinnedBody, height: float, *, sigma: float = MEASURED) -> Residual:
+def stature_prior(body: SkinnedBody, height: float, *, sigma: float = MEASURED_SIGMA) -> Residual:
     """The residual of a measured height in metres, `sigma` its standard deviation.
 
     One image shows how large a person appears, and not how large or how far away; with a known

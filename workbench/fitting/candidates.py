@@ -28,8 +28,8 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.residuals import Residual, keypoints, landmarks
 
-AROUND = tuple(range(0, 360, 30))  # degrees
-UP = (0, 30, 60)  # degrees
+AZIMUTHS = tuple(range(0, 360, 30))  # degrees
+ELEVATIONS = (0, 30, 60)  # degrees
 PREFIX = "candidate/"  # of the blocks of a camera that could be put up
 OWN = "own"
 
@@ -53,8 +53,8 @@ def cameras_on_a_sphere(
     centre: ArrayLike,
     *,
     distance: float = 4.0,
-    around: Sequence[float] = AROUND,
-    up: Sequence[float] = UP,
+    around: Sequence[float] = AZIMUTHS,
+    up: Sequence[float] = ELEVATIONS,
     focal: float = 1200.0,
     size: tuple[int, int] = (1000, 1000),
     sigma: float = 4.0,
@@ -98,7 +98,7 @@ def cameras_of(
 def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, Candidate]:
     count = len(body.landmark_names(landmark_set(body)))
     seen = _keypoints(body, Camera(PREFIX), np.ones(count), sigma)
-    return {name: Candidate((seen,), one) for name, one in numbers.items()}
+    return {name: Candidate((seen,), values) for name, values in numbers.items()}
 
 
 def marker_candidates(
@@ -115,8 +115,8 @@ def marker_candidates(
     """
     names = marker_set.names
     seen = Block(PREFIX + "seen", (len(names),), "1", names)  # weights, which count one alone
-    at = [block.symbol for block in body.blocks()]
-    points = marker_set.on(body).landmark_points(MARKERS, *at)
+    symbols = [block.symbol for block in body.blocks()]
+    points = marker_set.on(body).landmark_points(MARKERS, *symbols)
     origin = np.zeros((len(names), 3))
     spread = float(np.hypot(sigma, offset_sigma))
     rows = replace(landmarks(points, origin, sigma=spread, name=MARKERS), weights=seen.symbol)

@@ -17,14 +17,14 @@ from workbench.fitting.setup import Setup, View
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.solvers import Solution, TrustRegion
 
-BETTER = 0.7  # of the cost: another reading that costs less is said
-CLOSE = 1.5  # times the cost of the best reading, up to which another may be the right one
+BETTER_SHARE = 0.7  # of the cost: another reading that costs less is said
+CLOSE_RATIO = 1.5  # times the cost of the best reading, up to which another may be the right one
 MIRRORED = "the images are mirrored"
 SIDES = "left and right were exchanged, or the image is mirrored"
 UPWARDS = "y points up in the image; give v from its upper border"
 HALF_TURN = "the image is upside down; turn it by 180 degrees"
-PLAIN = TrustRegion(max_iterations=50, gradient_tolerance=1e-3)
-DOWN = 0.7  # cosine between a body's own y and the image's, from which on it stands on its head
+QUICK_SOLVER = TrustRegion(max_iterations=50, gradient_tolerance=1e-3)
+UPSIDE_DOWN_COSINE = 0.7  # between a body's own y and the image's: it stands on its head
 ORDERS = {  # of 17 keypoints
     "Human3.6M": (
         *("pelvis", "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee"),
@@ -38,9 +38,9 @@ ORDERS = {  # of 17 keypoints
     ),
 }
 MOST_ORDERED = 4  # cameras, of which all orders are tried; else two that are exchanged
-AGREE = 0.02  # of the size of the person in an image: rays that miss each other by more contradict
+LARGEST_DISAGREEMENT = 0.02  # of the person's size in an image: how far rays miss each other
 OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
-PERSON = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
+PERSON_SIZES = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
 UNITS = {"mm": 1e-3, "cm": 1e-2, "inches": 0.0254}
 
 
@@ -74,7 +74,7 @@ def readings(names: Sequence[str], seen: Collection[str]) -> dict[str, Callable[
 
     Other orders are those of files with COCO's keypoints, and no others `seen`.
     """
-    found: dict[str, Callable[[View], View]] = {
+    changes: dict[str, Callable[[View], View]] = {
         SIDES: lambda view: sides_exchanged(view, names),
         UPWARDS: y_upwards,
         HALF_TURN: lambda view: y_upwards(mirrored(view)),
@@ -82,10 +82,10 @@ def readings(names: Sequence[str], seen: Collection[str]) -> dict[str, Callable[
     }
     if {*COCO} <= {*names} and {*seen} <= {*COCO}:
         for what, order in ORDERS.items():
-            found[f"they are in the order of {what}, not COCO's"] = partial(
+            changes[f"they are in the order of {what}, not COCO's"] = partial(
                 _reordered, names=names, order=order
             )
-    return found
+    return changes
 
 
 def _reordered(view: View, names: Sequence[str], order: Sequence[str]) -> View:
@@ -93,8 +93,8 @@ def _reordered(view: View, names: Sequence[str], order: Sequence[str]) -> View:
     observed, confidence = view.observed.copy(), np.zeros_like(view.confidence)
     for k, name in enumerate(order):
         if name in names:
-            row, there = names.index(name), names.index(COCO[k])
-            observed[row], confidence[row] = view.observed[there], view.confidence[there]
+            row, k_row = names.index(name), names.index(COCO[k])
+            observed[row], confidence[row] = view.observed[k_row], view.confidence[k_row]
     return replace(view, observed=observed, confidence=confidence)
 
 
@@ -119,10 +119,10 @@ def better_reading(setup: Setup, values: Values, solution: Solution, *, doubted:
     best = min(costs, key=lambda what: costs[what], default="")
     if head:
         up = min((UPWARDS, HALF_TURN), key=lambda what: costs[what])
-        if costs[up] < CLOSE * costs[best] or costs[best] > solution.cost:
+        if costs[up] < CLOSE_RATIO * costs[best] or costs[best] > solution.cost:
             return f"the person stands on their head in the image; if they do not, {up}"
     one_sigma = setup.problem.size / 2  # the cost of what is met as well as is expected
-    if best and costs[best] < min(BETTER * solution.cost, one_sigma):
+    if best and costs[best] < min(BETTER_SHARE * solution.cost, one_sigma):
         share = 100 * costs[best] / solution.cost
         return f"the keypoints would fit better, at {share:.0f} % of the cost, if {best}"
     return ""
@@ -134,7 +134,7 @@ def is_upside_down(setup: Setup, view: View, values: Values) -> bool:
     root = matrix_from_vector(values[setup.body.blocks()[0].name][0])
     root = root @ matrix_from_vector(setup.body.bind_pose[0]).T
     camera = matrix_from_vector(np.asarray(values[view.camera.rotation.name]))
-    return bool((camera @ root)[1, 1] > DOWN)
+    return bool((camera @ root)[1, 1] > UPSIDE_DOWN_COSINE)
 
 
 def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float:
@@ -149,7 +149,7 @@ def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float
             start |= place_body(body, changed, start)
             if len(changed) == 1:
                 start |= image_starts(body, changed[0], start, 1)[0]
-            solver = PLAIN if setup.strategy is None else setup.strategy(None)
+            solver = QUICK_SOLVER if setup.strategy is None else setup.strategy(None)
             cost = solver.solve(setup.problem, start).cost
     except (WorkbenchError, ArithmeticError, np.linalg.LinAlgError):
         return np.inf
@@ -199,12 +199,11 @@ def unit_of_translations(views: Sequence[View], values: Values) -> str:
     points = triangulated(views, values)
     points = points[np.isfinite(points).all(axis=1)]
     size = float(np.linalg.norm(points[:, None] - points, axis=-1).max(initial=0.0))
-    if not size or PERSON[0] <= size <= PERSON[1]:
+    if not size or PERSON_SIZES[0] <= size <= PERSON_SIZES[1]:
         return ""
-    fitting = [unit for unit, m in UNITS.items() if PERSON[0] <= m * size <= PERSON[1]]
-    usual = np.sqrt(
-        PERSON[0] * PERSON[1]
-    )  # m; in cm a person who is given in inches is a small one
+    low, high = PERSON_SIZES
+    fitting = [unit for unit, m in UNITS.items() if low <= m * size <= high]
+    usual = np.sqrt(low * high)  # m; in cm a person who is given in inches is a small one
     nearest = min(fitting, key=lambda unit: abs(np.log(UNITS[unit] * size / usual)), default="")
     return nearest or "another unit"
 
@@ -215,7 +214,7 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
     Other conventions of the extrinsics, other orders of the cameras, other readings of images, and
     views left out are tried. `names` (M,) are those of the keypoints.
     """
-    given: Extrinsics = [
+    extrinsics: Extrinsics = [
         (
             matrix_from_vector(np.asarray(values[v.camera.rotation.name])),
             np.asarray(values[v.camera.translation.name], dtype=float),
@@ -223,26 +222,26 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
         for v in views
     ]
     tried: list[tuple[str, Sequence[View], Values]] = []
-    for what, extrinsics in _conventions(given):
+    for what, changed_extrinsics in _conventions(extrinsics):
         changed = dict(values)
-        for view, (R, t) in zip(views, extrinsics, strict=True):
+        for view, (R, t) in zip(views, changed_extrinsics, strict=True):
             changed[view.camera.rotation.name] = vector_from_matrix(R)
             changed[view.camera.translation.name] = t
         tried.append((what, views, changed))
     tried += [(what, seen, values) for what, seen in _other_views(views, names)]
     with np.errstate(all="ignore"):
-        here, best, said = disagreement(views, values), AGREE / 0.8, ""
+        here, best, phrase = disagreement(views, values), LARGEST_DISAGREEMENT / 0.8, ""
         for what, seen, changed in tried:
-            found = disagreement(seen, changed)
-            if found < min(0.8 * best, here / 3):
-                best, said = found, what
+            off = disagreement(seen, changed)
+            if off < min(0.8 * best, here / 3):
+                best, phrase = off, what
                 if unit := unit_of_translations(seen, changed):
-                    said = f"{what}, with translations in {unit}"
-        if said or len(views) < 3:
-            return said
+                    phrase = f"{what}, with translations in {unit}"
+        if phrase or len(views) < 3:
+            return phrase
         others = [disagreement((*views[:k], *views[k + 1 :]), values) for k in range(len(views))]
     k = int(np.argmin(np.nan_to_num(others, nan=np.inf)))
-    if not others[k] < AGREE:
+    if not others[k] < LARGEST_DISAGREEMENT:
         return ""
     return f"{views[k].name} is left out; look at its calibration, its keypoints and whom it shows"
 
@@ -262,11 +261,14 @@ def _other_views(
             yield f"{what} in {view.name}", (*views[:k], change(view), *views[k + 1 :])
 
 
-def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
+def _conventions(extrinsics: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
     for what, change in CONVENTIONS.items():
-        yield what, [change(R, t) for R, t in given]
-    every = range(len(given))
+        yield what, [change(R, t) for R, t in extrinsics]
+    every = range(len(extrinsics))
     swapped = ([{i: j, j: i}.get(k, k) for k in every] for i, j in combinations(every, 2))
-    for order in permutations(every) if len(given) <= MOST_ORDERED else swapped:
-        said = ", ".join(str(k + 1) for k in order)
-        yield f"the cameras belong to the files in the order {said}", [given[k] for k in order]
+    for order in permutations(every) if len(extrinsics) <= MOST_ORDERED else swapped:
+        numbers = ", ".join(str(k + 1) for k in order)
+        yield (
+            f"the cameras belong to the files in the order {numbers}",
+            [extrinsics[k] for k in order],
+        )

@@ -28,7 +28,7 @@ from workbench.residuals import Residual, landmarks
 from workbench.residuals.kernels import Kernel, quadratic
 
 SIGMA = 0.002  # m along each axis, of an observed point
-LEAST = 3  # points that place a hand
+FEWEST_POINTS = 3  # points that place a hand
 PALM = ("wrist", *(f"{finger}1" for finger in FINGERS))  # which hardly move against each other
 OBSERVED, SEEN = "observed", "seen"
 
@@ -79,14 +79,14 @@ def hand_start(body: SkinnedBody, observed: ArrayLike) -> Values:
     checked_hand(body)
     places, seen = _seen(body, observed)
     known: Mask = np.asarray(seen > 0)
-    if known.sum() < LEAST:
+    if known.sum() < FEWEST_POINTS:
         raise BadObservation(
-            f"{int(known.sum())} points of a hand are known, and at least {LEAST} place it"
+            f"{int(known.sum())} points of a hand are known, and at least {FEWEST_POINTS} place it"
         )
     mean = mean_hand(body)
     own = points_of(body, mean)
     palm = known & np.isin(HAND_POINTS, PALM)
-    used = palm if palm.sum() > LEAST else known
+    used = palm if palm.sum() > FEWEST_POINTS else known
     motion = procrustes(own[used], places[used])
     pose, betas, _ = (mean[block.name] for block in body.blocks())
     return mean | moved(body, motion.R, motion.t, pose, betas) | {OBSERVED: places, SEEN: seen}
@@ -108,12 +108,12 @@ def checked_hand(body: Body) -> SkinnedBody:
     return body
 
 
-def points_of(body: SkinnedBody, values: Values) -> Array:
-    """The points `HAND_POINTS` (21, 3) m of a hand in numbers."""
-    at = [values[block.name] for block in body.blocks()]
-    every = np.concatenate([body.joints(*at), body.landmark(TIPS, *at)])
+def points_of(body: Body, values: Values) -> Array:
+    """The points `HAND_POINTS` (..., 21, 3) m of a hand in numbers."""
+    numbers = [values[block.name] for block in body.blocks()]
+    every = np.concatenate([body.joints(*numbers), body.landmark(TIPS, *numbers)], axis=-2)
     names = [*body.joint_names, *body.landmark_names(TIPS)]
-    return np.asarray(every[[names.index(name) for name in HAND_POINTS]])
+    return np.asarray(every[..., [names.index(name) for name in HAND_POINTS], :])
 
 
 def _landmarks(
@@ -126,16 +126,16 @@ def _landmarks(
 
 def _seen(body: SkinnedBody, observed: ArrayLike) -> tuple[Array, Array]:
     """The points (21, 3) m in the order of `HAND_POINTS`, and the weight (21,) of each: 0 or 1."""
-    given = reals("points of a hand", observed)
+    points = reals("points of a hand", observed)
     places = np.full((len(HAND_POINTS), 3), np.nan)
-    if given.shape == places.shape:
-        places = given
-    elif given.shape == (body.n_joints, 3):
-        places[[HAND_POINTS.index(name) for name in body.joint_names]] = given
+    if points.shape == places.shape:
+        places = points
+    elif points.shape == (body.n_joints, 3):
+        places[[HAND_POINTS.index(name) for name in body.joint_names]] = points
     else:
         raise BadObservation(
             f"points of a hand have the shape (21, 3) in the order of HAND_POINTS, or "
-            f"({body.n_joints}, 3) in that of the body's joints, not {given.shape}"
+            f"({body.n_joints}, 3) in that of the body's joints, not {points.shape}"
         )
     known = np.isfinite(places).all(axis=1)
     return np.where(known[:, None], places, 0.0), known.astype(np.float64)

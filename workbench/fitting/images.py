@@ -39,7 +39,7 @@ from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import (
     CONTACT,
-    MEASURED,
+    MEASURED_SIGMA,
     POSE_PRIOR,
     mixture_prior,
     pose_prior,
@@ -49,7 +49,7 @@ from workbench.fitting.body_priors import (
 )
 from workbench.fitting.keypoints import (
     LEAST_CONFIDENCE,
-    OUTLIER,
+    OUTLIER_SHARE,
     KeypointProblem,
     Relative,
     Terms,
@@ -72,27 +72,27 @@ from workbench.solvers import LevenbergMarquardt, Solver, SolveStage, Staged, St
 KEYPOINTS = "keypoints"  # in the weights of a stage: those of every camera
 LAMBDA_POSE = 404.0, 404.0, 57.4, 4.78
 LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
-ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
+HINGE_WEIGHT = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
 LAMBDA_SPHERES = 1e3  # in each stage
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
 RecipeOf = Callable[["Appearance"], "ImageRecipe"]
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
-SUSPECT = 1 / 7  # of a person's height in the image
-STEP = 1.25  # heights and sides are rounded to powers of it, so that images share problems
-OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
+SUSPECT_SHARE = 1 / 7  # of a person's height in the image
+SIZE_RATIO = 1.25  # heights and sides are rounded to powers of it, so that images share problems
+LANDMARK_OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
 Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
 INTERVAL_NOTE = (
     "The 90 % interval of the distance allows for landmarks of the detector that lie "
-    f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. It was "
-    "tested on 100 images of one real person, whose distance was known from four calibrated "
-    "cameras: it contained this distance in 100 % of the images, and in 93 % if the stature was "
-    "given. Intervals 0.80 and 0.92 times as wide would have contained it in 90 %"
+    f"{100 * LANDMARK_OFFSET:g} cm (standard deviation in each direction) beside those of the "
+    "body. It was tested on 100 images of one real person, whose distance was known from four "
+    "calibrated cameras: it contained this distance in 100 % of the images, and in 93 % if the "
+    "stature was given. Intervals 0.80 and 0.92 times as wide would have contained it in 90 %"
 )
-DIFFERENCE = 1e-5  # of an unknown, for a central difference
+DIFFERENCE_STEP = 1e-5  # of an unknown, for a central difference
 # by `python -m benchmarks accuracy images`; `spread` in benchmarks/results/accuracy_images.json
-SPREAD = (
+SPREAD_NOTE = (
     "too small: on 52 images of one real person, landmarks were 1.4 times as far from the truth "
     "(root mean square; 0.9 to 1.9 times, by landmark)"
 )
@@ -139,7 +139,7 @@ class SmplifyTerms:
         """The terms of this body. Raises what `pose` raises."""
         counts = {
             "shape prior": 2 * (LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]) ** 2,
-            "bending": 2 * ANGLES**2,
+            "bending": 2 * HINGE_WEIGHT**2,
         }
         capsules = isinstance(body, SkinnedBody) and body.capsules is not None
         terms = WithPosePrior(self.pose, (spheres_prior,) if capsules else ())(body)
@@ -165,7 +165,7 @@ class WithStature:
     """The priors of an image, and a stature that was measured as `height`, with `sigma`, in m."""
 
     height: float
-    sigma: float = MEASURED
+    sigma: float = MEASURED_SIGMA
     priors: Terms = image_priors
 
     def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
@@ -258,7 +258,7 @@ class ByHeight:
     """
 
     sigma: float | None = None
-    outlier: float = OUTLIER
+    outlier: float = OUTLIER_SHARE
     strict: float = 0.04
     priors: Terms = image_priors
     solver: Solver = NEARLY
@@ -320,7 +320,7 @@ class ImageFits:
     def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
         """The recipe and the problem for a person who looks nearly like this."""
         lengths = np.maximum([person.height, person.side], 1.0)
-        height, side = STEP ** np.round(np.log(lengths) / np.log(STEP))
+        height, side = SIZE_RATIO ** np.round(np.log(lengths) / np.log(SIZE_RATIO))
         nearly = Appearance(float(height), float(side), person.suspect)
         if nearly not in self._made:
             recipe = self.recipe(nearly)
@@ -356,10 +356,10 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
     """How high a person at the depth of a start would be in the image, and whether some keypoint
     is suspect: farther from the start's than a seventh of that height.
     """
-    found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
+    landmarks = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
     height = height_in_view(body, view, values)
-    off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
-    suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
+    off = np.linalg.norm(view.camera.pixels(landmarks, values) - view.observed, axis=1)
+    suspect = (off > SUSPECT_SHARE * height) & (view.confidence > LEAST_CONFIDENCE)
     return Appearance(height, min(view.size), bool(suspect.any()))
 
 
@@ -384,7 +384,9 @@ class DepthInterval:
         return f"{self.mean:.2f} m (90 %: {self.low:.2f} to {self.high:.2f} m)"
 
 
-def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> DepthInterval | None:
+def depth_interval(
+    setup: Setup, values: Values, offset: float = LANDMARK_OFFSET
+) -> DepthInterval | None:
     """The distance of the body in the one view that was fitted, at the solution `values`.
 
     `offset` is the standard deviation in m of the distance between a landmark of the detector and
@@ -401,15 +403,15 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
 
 def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     """The distance of `depth_interval` and the ends of its interval; none where it is unknown."""
-    if (found := depth_interval(setup, values)) is None:
+    interval = depth_interval(setup, values)
+    if interval is None:
         return ()
-    name, of = "distance from the camera", "end of the 90 % interval"
-    named = (
-        (name, found.mean),
-        (f"{name}, lower {of}", found.low),
-        (f"{name}, upper {of}", found.high),
+    name, end = "distance from the camera", "end of the 90 % interval"
+    return (
+        Measure(name, interval.mean, "m"),
+        Measure(f"{name}, lower {end}", interval.low, "m"),
+        Measure(f"{name}, upper {end}", interval.high, "m"),
     )
-    return tuple(Measure(what, metres, "m") for what, metres in named)
 
 
 def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float, float]:
@@ -421,16 +423,16 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
     assert body is not None
     assert keypoints is not None
     names = [block.name for block in body.blocks()]
-    at = [values[name] for name in names]
+    numbers = [values[name] for name in names]
     axis = matrix_from_vector(values[camera.rotation.name])[2]
     gradient = np.zeros(setup.problem.free.size)
     for i, name in enumerate(names):
-        steps, ends = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape), []
+        steps, ends = DIFFERENCE_STEP * np.eye(numbers[i].size).reshape(-1, *numbers[i].shape), []
         for step in (steps, -steps):
-            there = [*at[:i], at[i] + step, *at[i + 1 :]]
-            ends.append(body.joints(there[0], there[1], there[2])[:, 0] @ axis)
-        gradient[setup.problem.free.slices[name]] = (ends[0] - ends[1]) / (2 * DIFFERENCE)
-    depth = float(camera.depths(body.joints(*at)[:1], values)[0])
+            moved = [*numbers[:i], numbers[i] + step, *numbers[i + 1 :]]
+            ends.append(body.joints(moved[0], moved[1], moved[2])[:, 0] @ axis)
+        gradient[setup.problem.free.slices[name]] = (ends[0] - ends[1]) / (2 * DIFFERENCE_STEP)
+    depth = float(camera.depths(body.joints(*numbers)[:1], values)[0])
     here = setup.problem.linearize(values)
     by_data = here.covariance @ gradient
     px = float(np.mean(values[camera.focal.name])) / depth  # of 1 m
@@ -442,7 +444,7 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
 def _keypoints_of(setup: Setup, view: View) -> Residual | None:
     """The residual of the keypoints of a view, or None if the problem has none of its name."""
     name = f"keypoints({view.camera.prefix.rstrip('/')})"
-    return next((one for one in setup.problem.residuals if one.name == name), None)
+    return next((residual for residual in setup.problem.residuals if residual.name == name), None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -454,7 +456,7 @@ class ImageMean:
         names: the landmarks (M,) of the body.
         landmarks: (M, 3) m their places on the body of the means.
         sd: (M,) m the standard deviations of their distances from there, once the middle of all
-            landmarks of a draw is brought to that of the mean (see `SPREAD`).
+            landmarks of a draw is brought to that of the mean (see `SPREAD_NOTE`).
         moved: how far that middle is from the one of the likeliest body, in m.
         apart: (M,) m how far landmarks are from those of the likeliest body, about their middles.
         error: the standard error of the mean place, from the number of draws, in m.
@@ -478,24 +480,25 @@ def image_mean(setup: Setup, values: Values) -> ImageMean:
     """
     body = setup.body
     assert body is not None  # which every fit to images has
-    found = posterior_mean(setup.problem, values)
+    posterior = posterior_mean(setup.problem, values)
     kind = setup.views[0].landmarks
     blocks = [block.name for block in body.blocks()]
-    given = setup.problem.split(values)[1]
-    drawn = [setup.problem.values(x, given) for x in found.draws]
-    places = body.landmark(kind, *(np.array([one[name] for one in drawn]) for name in blocks))
+    fixed = setup.problem.split(values)[1]
+    drawn = [setup.problem.values(x, fixed) for x in posterior.draws]
+    places = body.landmark(kind, *(np.array([draw[name] for draw in drawn]) for name in blocks))
     mean, likeliest = (
-        body.landmark(kind, *(at[name] for name in blocks)) for at in (found.values, values)
+        body.landmark(kind, *(point[name] for name in blocks))
+        for point in (posterior.values, values)
     )
     return ImageMean(
-        found.values,
+        posterior.values,
         tuple(body.landmark_names(kind)),
         mean,
         np.sqrt(np.sum((_centred(places) - _centred(mean)) ** 2, axis=2).mean(axis=0)),
         float(np.linalg.norm(mean.mean(axis=0) - likeliest.mean(axis=0))),
         np.linalg.norm(_centred(mean) - _centred(likeliest), axis=1),
-        float(np.linalg.norm(setup.problem.free.unpack(found.error, values)[blocks[2]])),
-        len(found.draws),
+        float(np.linalg.norm(setup.problem.free.unpack(posterior.error, values)[blocks[2]])),
+        len(posterior.draws),
     )
 
 

@@ -28,8 +28,8 @@ from workbench.interrupts import caused_by
 from workbench.solvers import Status
 
 LOG = logging.getLogger(__name__)
-LONGEST = 500  # letters of the reason of a failure
-AT_ONCE = 25  # images of a job: what is derived for a problem is derived once for all of them
+LONGEST_REASON = 500  # letters of the reason of a failure
+IMAGES_AT_ONCE = 25  # of a job: what is derived for a problem is derived once for all of them
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,13 @@ def reason_of(error: Exception, path: Path, work: str) -> str:
     traceback. Raises KeyboardInterrupt if that is what caused the error.
     """
     if isinstance(error, WorkbenchError):
-        return cut(error, LONGEST)
+        return cut(error, LONGEST_REASON)
     if isinstance(error, MemoryError):
         return f"there is not enough memory to {work} {path}"
     if caused_by(error, KeyboardInterrupt):
         raise KeyboardInterrupt from error
     LOG.warning("could not %s %s", work, path, exc_info=error)
-    return cut(f"an unforeseen error, {type(error).__name__}: {error}", LONGEST)
+    return cut(f"an unforeseen error, {type(error).__name__}: {error}", LONGEST_REASON)
 
 
 @dataclass(frozen=True)
@@ -149,9 +149,9 @@ class ImageWork:
     def __call__(self, jobs: Sequence[FileJob]) -> list[FittedImage | FailedFile]:
         """What was found of each image, in their order. Only Ctrl-C is raised."""
         fits = ImageFits(self.body, self.recipe)
-        return [self._one(fits, job) for job in jobs]
+        return [self._fitted(fits, job) for job in jobs]
 
-    def _one(self, fits: ImageFits, job: FileJob) -> FittedImage | FailedFile:
+    def _fitted(self, fits: ImageFits, job: FileJob) -> FittedImage | FailedFile:
         try:
             observed = self.reading.observations([job.path])
             setup = fits.setup(observed, job.name, hypotheses=self.hypotheses)
@@ -174,8 +174,8 @@ class ImageWork:
         return FittedImage(
             job,
             dict(solution.values),
-            tuple(dict(one.values) for one in solution.hypotheses[1:]),
-            tuple(one.cost for one in solution.hypotheses) or (solution.cost,),
+            tuple(dict(hypothesis.values) for hypothesis in solution.hypotheses[1:]),
+            tuple(hypothesis.cost for hypothesis in solution.hypotheses) or (solution.cost,),
             solution.status.name,
             float(np.mean(off)) if off.size else np.nan,
             float(view.camera.depths(joints[:1], whole)[0]),
@@ -194,6 +194,7 @@ def image_jobs(files: Sequence[Path]) -> tuple[FileJob, ...]:
     return tuple(FileJob(name, path) for name, path in zip(names, files, strict=True))
 
 
-def in_parts(jobs: Sequence[FileJob], count: int = AT_ONCE) -> list[tuple[FileJob, ...]]:
-    """The jobs, so many at a time."""
-    return [tuple(jobs[i : i + count]) for i in range(0, len(jobs), count)]
+def in_parts(jobs: Sequence[FileJob]) -> list[tuple[FileJob, ...]]:
+    """The jobs, `IMAGES_AT_ONCE` at a time."""
+    starts = range(0, len(jobs), IMAGES_AT_ONCE)
+    return [tuple(jobs[i : i + IMAGES_AT_ONCE]) for i in starts]

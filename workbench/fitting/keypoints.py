@@ -32,7 +32,7 @@ from workbench.problem import Problem
 from workbench.residuals import Residual, keypoints
 from workbench.residuals.kernels import Kernel, geman_mcclure, quadratic, scaled
 
-MARKED = {
+MARKED_SD = {
     "nose": 0.026,
     "eye": 0.025,
     "ear": 0.035,
@@ -45,10 +45,10 @@ MARKED = {
     "toe": 0.080,
     "heel": 0.080,
 }
-TYPICAL = 0.080  # the median of COCO's 17 keypoints and 6 of the feet, both sides counted
+TYPICAL_SD = 0.080  # the median of COCO's 17 keypoints and 6 of the feet, both sides counted
 PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
 SIGMA = 0.0032  # of a person's height in an image and of the image's shorter side: `usual_sigma`
-OUTLIER = 0.08  # of that height, from which on a coordinate counts as an outlier
+OUTLIER_SHARE = 0.08  # of that height, from which on a coordinate counts as an outlier
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 LEAST_CONFIDENCE = 0.2  # above which a keypoint counts in a mean
 COUNTED = f"keypoints with a confidence above {LEAST_CONFIDENCE}"
@@ -67,8 +67,8 @@ def as_marked(names: Sequence[str]) -> Array:
     variances are m_k^2 + m^2, divided by 2 m^2, with m = 0.080. Eyes have 0.74, hips 1.18. A
     keypoint that nobody marked for COCO, such as one of a finger, has 1.
     """
-    ends = [next((s for end, s in MARKED.items() if name.endswith(end)), TYPICAL) for name in names]
-    return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL**2) / (2 * TYPICAL**2)))
+    sds = [next((s for end, s in MARKED_SD.items() if n.endswith(end)), TYPICAL_SD) for n in names]
+    return np.asarray(np.sqrt((np.array(sds) ** 2 + TYPICAL_SD**2) / (2 * TYPICAL_SD**2)))
 
 
 def usual_sigma(height: float, size: tuple[float, float]) -> float:
@@ -124,14 +124,14 @@ class KeypointProblem:
         return self._made[landmarks, kind]
 
     def _make(self, landmarks: str, kind: Kind) -> tuple[Problem, tuple[str, ...]]:
-        names, own = self.body.landmark_names(landmarks), self.body.blocks()
-        points = self.body.landmark_points(landmarks, *(block.symbol for block in own))
+        names, body_blocks = self.body.landmark_names(landmarks), self.body.blocks()
+        points = self.body.landmark_points(landmarks, *(block.symbol for block in body_blocks))
         terms, priors, blocks = [], list(self.priors(self.body)), list[Block]()
-        free = [block.name for block in own]
+        free = [block.name for block in body_blocks]
         sigmas = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(kind)
         kernels = self.kernel if isinstance(self.kernel, tuple) else (self.kernel,) * len(kind)
-        for (name, size, out), sigma, kernel in zip(kind, sigmas, kernels, strict=True):
-            if out:
+        for (name, size, held_out), sigma, kernel in zip(kind, sigmas, kernels, strict=True):
+            if held_out:
                 continue
             camera, relative = Camera(name + "/"), self.relative(names)
             terms.append(camera_residual(points, camera, names, sigma, kernel, relative)[0])
@@ -139,7 +139,8 @@ class KeypointProblem:
             if size is not None:
                 priors.append(focal_prior(camera, max(size)))
                 free.append(camera.focal.name)
-        return Problem([*terms, *priors], free, blocks=blocks), tuple(one.name for one in priors)
+        problem = Problem([*terms, *priors], free, blocks=blocks)
+        return problem, tuple(prior.name for prior in priors)
 
 
 def landmark_set(body: Body, observed: Collection[str] = ()) -> str:
@@ -226,8 +227,9 @@ def keypoint_fit(
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
     Without a sigma, it follows the person's height in each image (`usual_sigma`). Without a kernel,
-    it is Geman and McClure's, with outliers from OUTLIER times that height on; the fit then begins
-    in the pose that a regressor reads off the view that shows most, if the body is of its kind.
+    it is Geman and McClure's, with outliers from OUTLIER_SHARE times that height on; the fit then
+    begins in the pose that a regressor reads off the view that shows most, if the body is of its
+    kind.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
@@ -245,15 +247,15 @@ def keypoint_fit(
         for height, view in zip(heights, shown.views, strict=True)
     )
     kernels = tuple(
-        kernel or scaled(geman_mcclure, OUTLIER * height / own)
+        kernel or scaled(geman_mcclure, OUTLIER_SHARE * height / own)
         for height, own in zip(heights, sigmas, strict=True)
     )
     if kernel is None:
         fitted = [view for view in shown.views if not view.held_out]
         best = max(fitted, key=lambda view: float(view.confidence.sum()))
         with suppress(BadArgument, BadObservation):
-            begun = regressed_start(shipped_regressor(), body, best, shown.start)
-            shown = replace(shown, start={**shown.start, **begun})
+            regressed = regressed_start(shipped_regressor(), body, best, shown.start)
+            shown = replace(shown, start={**shown.start, **regressed})
     of = KeypointProblem(body, sigmas, kernels, relative=relative)
     return shown.setup(of, question, reference, compared)
 
@@ -316,10 +318,8 @@ def placed_views(
         observed, confidence = (block.name for block in observed_blocks(camera, landmarks))
         start |= camera_values(camera, photo)
         start |= {observed: photo.pixels, confidence: photo.confidence}
-        out = photo.name in held_out
-        views.append(
-            View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, out)
-        )
+        view = View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence)
+        views.append(replace(view, held_out=photo.name in held_out))
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
             start |= place_body(body, [view for view in views if not view.held_out], start)
@@ -333,8 +333,8 @@ def placed_views(
 
 def height_in_view(body: Body, view: View, values: Values) -> float:
     """How high a person at the depth of the body would be in an image, in px."""
-    found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
-    depth = float(np.median(view.camera.depths(found, values)))
+    landmarks = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
+    depth = float(np.median(view.camera.depths(landmarks, values)))
     stature = float(np.ptp(body.template[:, 1]))
     return float(np.mean(values[view.camera.focal.name])) * stature / max(depth, 1e-3)
 

@@ -25,7 +25,7 @@ from workbench.residuals import Residual, landmarks, vertices
 from workbench.residuals.kernels import Kernel, quadratic
 
 Start = Callable[[Body, Array], Values]  # from a body and a mesh (N, 3) m of its topology
-RIGID = 0.03  # m: how far off a body is whose parts are placed as if each were rigid
+RIGID_ERROR = 0.03  # m: how far off a body is whose parts are placed as if each were rigid
 
 
 def from_correspondences(body: Body, observed: Array) -> Values:
@@ -48,10 +48,10 @@ def from_correspondences(body: Body, observed: Array) -> Values:
     world = np.stack([procrustes(body.template, mesh, each).R for each in trusted]) @ bound
     for k in np.flatnonzero(~visible):  # as in the bind pose, in its parent's frame
         world[k] = world[body.parents[k]] @ at_rest[k] if k else at_rest[0]
-    found = vector_from_matrix(local_rotations(world, body.parents))
-    shape, shift = _shape_of(body, found, mesh)
+    vectors = vector_from_matrix(local_rotations(world, body.parents))
+    shape, shift = _shape_of(body, vectors, mesh)
     pose, betas, trans = body.blocks()
-    return {pose.name: found, betas.name: shape, trans.name: shift}
+    return {pose.name: vectors, betas.name: shape, trans.name: shift}
 
 
 def _shape_of(body: Body, pose: Array, mesh: Array) -> tuple[Array, Array]:
@@ -60,9 +60,9 @@ def _shape_of(body: Body, pose: Array, mesh: Array) -> tuple[Array, Array]:
     A part is off as a whole, so all of its vertices together count as one observation.
     """
     B = body.n_betas
-    sigma = RIGID * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
+    sigma = RIGID_ERROR * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
     mean, *along = body.vertices(pose, np.vstack([np.zeros(B), np.eye(B)]))
-    columns = [(one - mean).ravel() for one in along]
+    columns = [(moved_vertices - mean).ravel() for moved_vertices in along]
     columns += [np.tile(axis, body.n_vertices) for axis in np.eye(3)]
     A = np.column_stack(columns) / sigma
     prior = np.eye(B, B + 3)  # none on trans
@@ -110,13 +110,13 @@ def mesh_fit(
         return body.vertices(*(values[block.name] for block in body.blocks()))
 
     def measures(values: Values) -> tuple[Measure, ...]:
-        found = places(values)
+        surface = places(values)
         references = {"vertex to observation": observed}
         if truth is not None:
             references[f"vertex to {'synthetic ' if synthetic else ''}truth"] = truth
         shown: list[Measure] = []
         for name, reference in references.items():
-            off = distances(found, reference)
+            off = distances(surface, reference)
             shown += [rms(name, off), Measure(f"{name}, largest", float(off.max()), "mm")]
         return tuple(shown)
 
@@ -196,13 +196,13 @@ def joint_fit(
     surface = None if truth is None else body.vertices(*truth.values())
 
     def measures(values: Values) -> tuple[Measure, ...]:
-        found = [values[block.name] for block in body.blocks()]
-        joints = body.joints(*found)
+        fitted = [values[block.name] for block in body.blocks()]
+        joints = body.joints(*fitted)
         if truth is None or surface is None:
             return (rms("joint to observation", distances(joints, observed)),)
         return (
             rms("joint to synthetic truth", distances(joints, body.joints(*truth.values()))),
-            rms("vertex to synthetic truth", distances(body.vertices(*found), surface)),
+            rms("vertex to synthetic truth", distances(body.vertices(*fitted), surface)),
             rms("betas to synthetic truth", values[betas.name] - truth[betas.name], "sd"),
         )
 

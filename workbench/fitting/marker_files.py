@@ -26,7 +26,7 @@ from workbench.motions.skeleton_names import renamed
 from workbench.reading.arrays import any_reals, opened, optional, read_expected, taken_for, texts
 from workbench.writing import write_arrays
 
-FASTEST = 1e6  # frames a second
+HIGHEST_FPS = 1e6  # frames a second
 RECORDED = {
     "markers": any_reals("T", "M", 3),
     "labels": texts("M"),
@@ -67,73 +67,73 @@ def read_markers(
     """
     check_given(unit, up)
     suffix = Path(path).suffix.lower()
-    read = READERS.get(suffix, read_marker_arrays)
-    found = read(path)
+    read = MARKER_READERS.get(suffix, read_marker_arrays)
+    trajectories = read(path)
     if labels is not None:
-        new, notes = renamed(found.labels, labels)
+        new, notes = renamed(trajectories.labels, labels)
         kept = [m for m, label in enumerate(new) if label]
-        found = replace(
-            found,
-            places=found.places[:, kept],
+        trajectories = replace(
+            trajectories,
+            places=trajectories.places[:, kept],
             labels=tuple(new[m] for m in kept),
-            notes=(*found.notes, *notes),
+            notes=(*trajectories.notes, *notes),
         )
-    return upright(path, found, unit, up, sizes)
+    return upright(path, trajectories, unit, up, sizes)
 
 
 def upright(
     path: str | Path,
-    found: Trajectories,
+    trajectories: Trajectories,
     unit: str | None,
     up: str | None,
     sizes: Sizes | None = None,
 ) -> MarkerRecording:
     """Trajectories of a file in metres, y up. Raises BadFile."""
     with taken_for(path, "recording of markers of a body", "see that they are those of a person"):
-        seen = np.isfinite(found.places).all(axis=2) & found.places.any(axis=2)
+        seen = np.isfinite(trajectories.places).all(axis=2) & trajectories.places.any(axis=2)
         lost: Mask = np.asarray(~seen)
         if lost.all():
             raise BadFile("no marker was seen in any frame")
-        places = np.where(lost[..., None], np.nan, found.places)
-        unit, said = unit_of(
+        places = np.where(lost[..., None], np.nan, trajectories.places)
+        unit, unit_note = unit_of(
             float(extents(places).max()),
             unit,
-            found.unit,
-            sizes=sizes or sizes_of(found.labels),
+            trajectories.unit,
+            sizes=sizes or sizes_of(trajectories.labels),
             what="the markers of a frame reach {}",
         )
         places = places * UNITS[unit]
-        axis, why = up_of(places, up, names=found.labels, what="the recording")
-    share = f"{100 * lost.mean():.1f} % of the places of markers are missing"
-    notes = (said, why, share, *found.notes)
-    return MarkerRecording(places @ UP_TO_Y[axis].T, found.labels, found.fps, notes)
+        axis, axis_note = up_of(places, up, names=trajectories.labels, what="the recording")
+    missing_note = f"{100 * lost.mean():.1f} % of the places of markers are missing"
+    notes = (unit_note, axis_note, missing_note, *trajectories.notes)
+    return MarkerRecording(places @ UP_TO_Y[axis].T, trajectories.labels, trajectories.fps, notes)
 
 
 def read_marker_arrays(path: str | Path) -> Trajectories:
     """The markers of an .npz in its own unit and axes. Raises BadFile."""
     with opened(path, "recording of markers", "give an .npz with markers and labels") as archive:
         arrays = read_expected(archive, RECORDED)
-        given, labels = arrays["markers"], tuple(map(str, arrays["labels"]))
+        markers, labels = arrays["markers"], tuple(map(str, arrays["labels"]))
         fps = float(arrays["fps"]) if "fps" in arrays else None
-        if fps is not None and not 0 < fps < FASTEST:
-            raise BadFile(f"fps is {fps:g}, but must be above zero and below {FASTEST:g}")
+        if fps is not None and not 0 < fps < HIGHEST_FPS:
+            raise BadFile(f"fps is {fps:g}, but must be above zero and below {HIGHEST_FPS:g}")
         if len({*labels}) < len(labels):
             twice = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
             raise BadFile(f"labels has {listed(twice)} more than once; each marker needs its name")
         try:
-            checked_places(given)
+            checked_places(markers)
         except ValueError as error:
             raise BadFile(str(error)) from error
         others = [*sorted({*archive.headers} - {*RECORDED}), *archive.others]
     notes = (f"not read are {some(others)}",) if others else ()
-    return Trajectories(given, labels, fps, None, notes)
+    return Trajectories(markers, labels, fps, None, notes)
 
 
 def holds_markers(path: str | Path) -> bool:
     """Whether a file is one of markers, by its suffix, or in an .npz by its entries."""
     suffix = Path(path).suffix.lower()
     if suffix != ".npz":
-        return suffix in READERS
+        return suffix in MARKER_READERS
     with opened(path, "file of a motion or of markers", "give another .npz") as archive:
         return "markers" in archive.headers and "trans" not in archive.headers
 
@@ -155,7 +155,7 @@ def write_markers(path: str | Path, recording: MarkerRecording) -> None:
             raise BadFile(f"markers are written as .trc or .npz, and {path} ends otherwise")
 
 
-READERS: dict[str, Callable[[str | Path], Trajectories]] = {
+MARKER_READERS: dict[str, Callable[[str | Path], Trajectories]] = {
     ".npz": read_marker_arrays,
     ".trc": read_trc,
     ".c3d": read_c3d,

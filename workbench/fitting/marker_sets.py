@@ -23,10 +23,10 @@ from workbench.errors import BadArgument, BadFile, check_known, some, some_of
 from workbench.geometry.solids import vertex_normals
 from workbench.reading.facts import facts, json_in, whole
 
-OUT = 0.0095  # m from the surface to the centre of a marker, as in MoSh
+MARKER_HEIGHT = 0.0095  # m from the surface to the centre of a marker, as in MoSh
 MARKERS = "markers"  # the name of the landmark set
-FAR = 0.1  # how much a metre along a ray is worth beside a metre off it: the outermost surface
-FACING = 0.3  # the least cosine between a ray and the normal, which keeps to the outer surface
+ALONG_WORTH = 0.1  # of a metre along a ray beside a metre off it: the outermost surface
+LEAST_FACING = 0.3  # cosine between a ray and the normal, which keeps to the outer surface
 Ray = tuple[str, str, float, tuple[float, float, float]]
 
 
@@ -45,7 +45,9 @@ class MarkerSet:
     nominal: Array
 
     @staticmethod
-    def of(body: SkinnedBody, vertices: Mapping[str, int], out: float = OUT) -> "MarkerSet":
+    def of(
+        body: SkinnedBody, vertices: Mapping[str, int], out: float = MARKER_HEIGHT
+    ) -> "MarkerSet":
         """Markers on numbered vertices, each `out` m away from the surface along its normal.
 
         Raises BadArgument for no markers, for what is no vertex, and for two markers on one.
@@ -60,8 +62,8 @@ class MarkerSet:
                     f"0 to {body.n_vertices - 1}"
                 )
         chosen = np.array([vertices[name] for name in names], dtype=np.int64)
-        taken, first = np.unique(chosen, return_index=True)
-        if len(taken) < len(chosen):
+        used, first = np.unique(chosen, return_index=True)
+        if len(used) < len(chosen):
             again = next(i for i in range(len(chosen)) if i not in first)
             same = names[int(np.flatnonzero(chosen == chosen[again])[0])]
             raise BadArgument(
@@ -73,8 +75,8 @@ class MarkerSet:
     def on(self, body: SkinnedBody) -> SkinnedBody:
         """The body with these markers as its landmark set `markers`."""
         M = len(self.names)
-        at = (np.ones(M), (np.arange(M), self.vertices))
-        regressor = csr_array(at, shape=(M, body.n_vertices))
+        entries = (np.ones(M), (np.arange(M), self.vertices))
+        regressor = csr_array(entries, shape=(M, body.n_vertices))
         return replace(
             body, landmarks={**body.landmarks, MARKERS: Landmarks(self.names, regressor)}
         )
@@ -96,9 +98,9 @@ def read_marker_set(path: Path, body: SkinnedBody) -> MarkerSet:
 
     Raises BadFile for what is no such file, and for vertices that the body does not have.
     """
-    given = json_in(path)
+    content = json_in(path)
     try:
-        entries = facts(given, "").entries
+        entries = facts(content, "").entries
         vertices = {name: whole(i, name) for name, i in entries.items()}
         return MarkerSet.of(body, vertices)
     except (BadFile, BadArgument) as error:
@@ -149,7 +151,7 @@ def _rays(usual: bool) -> dict[str, tuple[Ray, int]]:
 def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
     """The vertex nearest to each ray, none of them twice. Raises UnknownName for a joint."""
     joints, normals = body.joints(), vertex_normals(body.template, body.faces)
-    found: dict[str, int] = {}
+    chosen: dict[str, int] = {}
     for name, ((a, b, share, towards), side) in _rays(usual).items():
         for joint in (a, b):
             check_known("joint", joint, body.joint_names)
@@ -157,11 +159,12 @@ def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
         offset = body.template - (1 - share) * start - share * end
         direction = np.array(towards) / np.linalg.norm(towards)
         along = offset @ direction
-        off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - FAR * along
-        out = (along > 0) & (normals @ direction > FACING) & (side * body.template[:, 0] >= 0)
-        off[~out | np.isin(np.arange(len(off)), list(found.values()))] = np.inf
-        found[name] = int(np.argmin(off))
-    return found
+        off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - ALONG_WORTH * along
+        facing = (along > 0) & (normals @ direction > LEAST_FACING)
+        usable = facing & (side * body.template[:, 0] >= 0)
+        off[~usable | np.isin(np.arange(len(off)), list(chosen.values()))] = np.inf
+        chosen[name] = int(np.argmin(off))
+    return chosen
 
 
 @cache
@@ -208,14 +211,14 @@ def matched(
             "say which marker each one is (--labels MAP.csv), or give a marker set with the names "
             "of your labels (--marker-set FILE.json)"
         )
-    named, best = [one for one in subjects if one], max(subjects, key=lambda one: subjects[one])
-    found: dict[str, int] = {}
+    named, best = [name for name in subjects if name], subjects.most_common(1)[0][0]
+    column_of: dict[str, int] = {}
     for subject in (best, *(named if len(named) == 1 else ()), ""):
         for place, meaning in enumerate(meanings):
             if meaning is not None and meaning[0] == subject:
-                found.setdefault(meaning[1], place)
-    order = sorted(found, key=lambda name: found[name])
-    places = tuple(found[name] for name in order)
+                column_of.setdefault(meaning[1], place)
+    order = sorted(column_of, key=lambda name: column_of[name])
+    places = tuple(column_of[name] for name in order)
     notes = []
     if others := [label for place, label in enumerate(labels) if place not in places]:
         also = f", or that are not of {best!r}" if len(named) > 1 else ""

@@ -37,14 +37,14 @@ from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers import SolveStage, Staged, TrustRegion
 from workbench.solvers.solution import Solver
 
-NAME = "offset prior"
-WAYS = "along 1", "along 2", "across"  # the surface: the rows of a marker
+OFFSET_PRIOR = "offset prior"
+DIRECTIONS = "along 1", "along 2", "across"  # the surface: the rows of a marker
 SIGMA = 0.002  # m, of a marker's place beside that of the body: noise, and skin that slides
 OFFSET_SIGMA = 0.0095 / np.sqrt(3)  # m along each axis: MoSh's 9.5 mm from the nominal place
 POSE_WORTH = 0.5  # of a frame, for the pose prior: poses of one person in one clip are alike
-LEAST = 4  # markers that place a body
-WIDE = (0.1, 0.02)  # m, sigmas of markers in turn while poses are looked for: no arm is twisted
-ITERATIONS = 100  # of a frame by itself
+FEWEST_MARKERS = 4  # markers that place a body
+WIDE_SIGMAS = (0.1, 0.02)  # m, of markers, in turn, while a pose is sought: no arm is twisted
+FRAME_ITERATIONS = 100  # of a frame by itself
 STAGES = (("trans", "pose", "betas"),)  # before all that is free
 TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
 
@@ -68,14 +68,16 @@ def offset_prior(
     above_zero("markers in m", **known)
     offsets = body.offsets(MARKERS).symbol
     if across is None:
-        return gaussian(offsets, mean=marker_set.nominal, covariance=sigma**2, unit="m", name=NAME)
+        return gaussian(
+            offsets, mean=marker_set.nominal, covariance=sigma**2, unit="m", name=OFFSET_PRIOR
+        )
     turns = surface_frames(body, marker_set)
     rows = cs.sparsify(cs.DM(block_diag(*turns))) @ (
         cs.vec(offsets) - cs.DM(marker_set.nominal.ravel())
     )
-    labels = tuple(f"{name}, {way}" for name in marker_set.names for way in WAYS)
+    labels = tuple(f"{name}, {direction}" for name in marker_set.names for direction in DIRECTIONS)
     sigmas = np.tile([sigma, sigma, across], len(turns))
-    return Residual(NAME, rows, sigmas, "m", labels=labels)
+    return Residual(OFFSET_PRIOR, rows, sigmas, "m", labels=labels)
 
 
 def surface_frames(body: SkinnedBody, marker_set: MarkerSet) -> Array:
@@ -121,25 +123,25 @@ def marker_fit(
     """
     observed = checked_markers(markers, marker_set)
     known = np.isfinite(observed).all(axis=2).sum(axis=1)
-    if (few := known < LEAST).any():
+    if (few := known < FEWEST_MARKERS).any():
         t = int(np.argmax(few))
         raise BadObservation(
             f"frame {t} shows {known[t]} of {observed.shape[1]} markers, and a body is placed by "
-            f"{LEAST} or more; leave such frames out"
+            f"{FEWEST_MARKERS} or more; leave such frames out"
         )
     dressed = marker_set.on(body)
     _, betas, trans = (block.name for block in dressed.blocks())
     frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, kernel, free, across)
     first = dressed.start() | {"offsets": marker_set.nominal} | dict(start or {})
     if start is None or trans not in start:
-        shares = tuple(sigma / wide for wide in WIDE)
+        shares = tuple(sigma / wide for wide in WIDE_SIGMAS)
         first |= frame_by_frame(frame, dressed, observed, first, shares, every=1)
     return Setup(
         problem=sequence([frame] * len(observed), shared=(betas, "offsets")),
         start=first | observations(observed),
         question=question,
-        measures=lambda found: marker_measures(dressed, observed, found),
-        doubts=lambda found: of_markers(dressed, marker_set, observed, found),
+        measures=lambda values: marker_measures(dressed, observed, values),
+        doubts=lambda values: of_markers(dressed, marker_set, observed, values),
         priors=priors,
     )
 
@@ -206,10 +208,10 @@ def frame_by_frame(
         return [placed_rigidly(body, observed[t], posed) | data]
 
     stages = tuple(SolveStage(weights={MARKERS: (s / shares[-1]) ** 2}) for s in shares[:-1])
-    solver = TrustRegion(max_iterations=ITERATIONS)
+    solver = TrustRegion(max_iterations=FRAME_ITERATIONS)
     tracker = Tracker(frame.freeing(trans, pose), starts, stages, solver, solver, every)
     frames = tracker.frames(len(observed), progress)
-    return {name: np.array([one[name] for one in frames if one]) for name in (pose, trans)}
+    return {name: np.array([end[name] for end in frames if end]) for name in (pose, trans)}
 
 
 def marker_solver(solver: Solver | None = None) -> Staged:
@@ -219,13 +221,13 @@ def marker_solver(solver: Solver | None = None) -> Staged:
 
 def checked_markers(markers: ArrayLike, marker_set: MarkerSet) -> Array:
     """Markers (T, M, 3) m as numbers. Raises BadArgument for another shape, and NotNumbers."""
-    given, M = reals("markers", markers), len(marker_set.names)
-    if given.ndim != 3 or given.shape[1:] != (M, 3) or not len(given):
+    numbers, M = reals("markers", markers), len(marker_set.names)
+    if numbers.ndim != 3 or numbers.shape[1:] != (M, 3) or not len(numbers):
         raise BadArgument(
             f"markers have the shape (T, {M}, 3), for T frames of the set's {M} markers in metres, "
-            f"not {given.shape}"
+            f"not {numbers.shape}"
         )
-    return given
+    return numbers
 
 
 def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
@@ -239,7 +241,7 @@ def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
     seen: Mask = np.asarray(np.isfinite(observed).all(axis=1))
     leader = np.asarray(body.landmarks[MARKERS].regressor @ body.weights).argmax(axis=1)
     trunk = seen & np.isin(np.array(body.joint_names)[leader], TRUNK)
-    used = trunk if trunk.sum() >= LEAST else seen
+    used = trunk if trunk.sum() >= FEWEST_MARKERS else seen
     motion = procrustes(expected[used], observed[used])
     return first | moved(body, motion.R, motion.t, posed, first[betas])
 
@@ -247,8 +249,8 @@ def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
 def marker_errors(body: SkinnedBody, observed: Array, values: Values) -> Array:
     """How far each marker is from its observed place, (T, M) m; NaN where it was not seen."""
     pose, betas, trans = (values[block.name] for block in body.blocks())
-    found = body.landmark(MARKERS, pose, betas, trans, values["offsets"])
-    return np.asarray(np.linalg.norm(found - observed, axis=2))
+    fitted = body.landmark(MARKERS, pose, betas, trans, values["offsets"])
+    return np.asarray(np.linalg.norm(fitted - observed, axis=2))
 
 
 def rms_of_markers(errors: Array) -> Array:
@@ -262,11 +264,11 @@ def marker_measures(body: SkinnedBody, observed: Array, values: Values) -> tuple
     off = 1e3 * marker_errors(body, observed, values)
     counts = np.isfinite(off).sum(axis=0)
     seen = f"{counts.sum()} of {off.size} places in {len(off)} frames"
-    found = [Measure("distance to markers, rms", float(np.sqrt(np.nanmean(off**2))), "mm", seen)]
+    measures = [Measure("distance to markers, rms", float(np.sqrt(np.nanmean(off**2))), "mm", seen)]
     each = rms_of_markers(off)
     for m in np.argsort(-each, kind="stable")[:3]:
         name = body.landmark_names(MARKERS)[m]
-        found.append(
+        measures.append(
             Measure(f"distance to marker {name}, rms", float(each[m]), "mm", f"{counts[m]} frames")
         )
-    return (*found, largest_beta(values[body.blocks()[1].name]))
+    return (*measures, largest_beta(values[body.blocks()[1].name]))

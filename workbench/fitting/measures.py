@@ -33,18 +33,18 @@ from workbench.bodies.body import why_not_skinned
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.diagnostics.design import Quantity
 from workbench.errors import BadArgument, NotFinite, TooLarge
+from workbench.fitting.images import Z90
 from workbench.problem import Problem
 from workbench.sampling import Posterior, contraction
 
-LEVELS = 25  # at which a girth is looked for
-BELOW = 0.03  # of the way from the crotch to the knee: the highest place of a thigh
-ARMPIT = 1.3  # times as far out as the shoulder joints: wider cuts are of the arms as well
+GIRTH_LEVELS = 25  # at which a girth is looked for
+BELOW_CROTCH = 0.03  # of the way from the crotch to the knee: the highest place of a thigh
+ARMPIT_RATIO = 1.3  # times as far out as the shoulder joints: wider cuts are of the arms as well
 ON_THE_PLANE = 1e-9  # m
-NINETY = 1.6449  # standard deviations: a central interval of 90 %
 UNDETERMINED = 1e-6  # of the length of a gradient: a part in the null space that is not rounding
 UP, ACROSS = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 ARM = ("wrist", "elbow", "shoulder")
-JOINTS = ("pelvis", "spine3", "neck", "head") + tuple(
+PERSON_JOINTS = ("pelvis", "spine3", "neck", "head") + tuple(
     f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", *ARM)
 )
 
@@ -76,14 +76,14 @@ def measures(body: SkinnedBody) -> dict[str, Quantity]:
     BadArgument for a body that is not skinned, of which joints have other names, or whose surface
     is not a person's.
     """
-    found, paths, betas = {}, _paths(body), body.blocks()[1]
+    quantities, paths, betas = {}, _paths(body), body.blocks()[1]
     shapes = body.shapedirs.reshape(-1, body.n_betas)
     for name, path in paths.items():
         rows = kron(path.weights, np.eye(3), format="csr")
         rest = cs.DM(rows @ body.template.ravel()) + cs.DM(rows @ shapes) @ betas.symbol
         expression = path.length(cs.reshape(rest, 3, path.weights.shape[0]))
-        found[name] = Quantity(name, expression, "m", blocks=(betas,))
-    return found
+        quantities[name] = Quantity(name, expression, "m", blocks=(betas,))
+    return quantities
 
 
 def measured(body: SkinnedBody, betas: ArrayLike) -> dict[str, Array]:
@@ -130,30 +130,30 @@ class Measurement:
     @property
     def interval(self) -> tuple[float, float]:
         """The central interval of 90 %, in m."""
-        return self.value - NINETY * self.sd, self.value + NINETY * self.sd
+        return self.value - Z90 * self.sd, self.value + Z90 * self.sd
 
 
 def measured_at(
-    problem: Problem, at: Values, quantities: Mapping[str, Quantity]
+    problem: Problem, values: Values, quantities: Mapping[str, Quantity]
 ) -> dict[str, tuple[float, float]]:
     """Each quantity at a point and its standard deviation by Laplace's approximation.
 
     With the Jacobian g (n,) of a quantity, its variance is g' (J'J)^-1 g. It is infinite where g
     has a part in the null space of J: nothing determines the quantity.
     """
-    s, V = problem.linearize(at).spectrum.determined
+    s, V = problem.linearize(values).spectrum.determined
     # a problem may have a residual of the same name, such as that of a known stature
     rows = [replace(q.residual, name=f"measured {name}") for name, q in quantities.items()]
-    here = problem.variant([*problem.residuals, *rows], problem.free.spelled()).linearize(at)
-    found = {}
+    here = problem.variant([*problem.residuals, *rows], problem.free.spelled()).linearize(values)
+    estimates = {}
     for name, value, g in zip(
         quantities, here.residual[-len(rows) :], here.dense[-len(rows) :], strict=True
     ):
         parts = V @ g
         undetermined = np.linalg.norm(g - parts @ V) > UNDETERMINED * np.linalg.norm(g)
         sd = np.inf if undetermined else float(np.linalg.norm(parts / s))
-        found[name] = float(value), sd
-    return found
+        estimates[name] = float(value), sd
+    return estimates
 
 
 def measurements(
@@ -170,19 +170,19 @@ def measurements(
     data = [r.name for r in problem.residuals if r.name not in priors]
     try:
         quantities = measures(person)
-        found = measured_at(problem, values, quantities)
+        estimates = measured_at(problem, values, quantities)
         before = measured_at(problem.without(*data), values, quantities) if priors else {}
     except (BadArgument, TooLarge, NotFinite):  # a surface of no person, or free vertices
         return ()
     return tuple(
         Measurement(name, value, sd, before[name][1] if before else np.inf)
-        for name, (value, sd) in found.items()
+        for name, (value, sd) in estimates.items()
     )
 
 
 def person_of(body: object, problem: Problem) -> SkinnedBody | None:
     """The body that a problem fits, if it is a person's and its betas are free."""
-    if not isinstance(body, SkinnedBody) or not set(JOINTS) <= set(body.joint_names):
+    if not isinstance(body, SkinnedBody) or not set(PERSON_JOINTS) <= set(body.joint_names):
         return None
     return body if body.blocks()[1].name in problem.free.names else None
 
@@ -201,29 +201,30 @@ def _paths(body: SkinnedBody) -> dict[str, MeasuredPath]:
     """The points of each measurement, found on the template at rest."""
     if reason := why_not_skinned(body, "a measurement", "measure its vertices"):
         raise BadArgument(reason)
-    if missing := [name for name in JOINTS if name not in body.joint_names]:
+    if missing := [name for name in PERSON_JOINTS if name not in body.joint_names]:
         raise BadArgument(
             f"measurements are those of a person, and body {body.name!r} has no joint called "
             f"{', '.join(missing)}"
         )
     person = _Person(body)
-    at, y = person.joints, body.template[:, 1]
+    joints, y = person.joints, body.template[:, 1]
     top, bottom = person.at_vertex(int(np.argmax(y))), person.at_vertex(int(np.argmin(y)))
-    crotch = person.farthest(person.cut(at["pelvis"], ACROSS), -UP)
-    low, middle, high = (crotch @ body.template)[0, 1], at["pelvis"][1], at["spine3"][1]
-    trunk = [person.horizontal(y, "pelvis") for y in np.linspace(low, middle, LEVELS)[1:]]
-    waists = [person.horizontal(y, "pelvis") for y in np.linspace(middle, high, LEVELS)]
+    crotch = person.farthest(person.cut(joints["pelvis"], ACROSS), -UP)
+    low, middle, high = (crotch @ body.template)[0, 1], joints["pelvis"][1], joints["spine3"][1]
+    trunk = [person.horizontal(y, "pelvis") for y in np.linspace(low, middle, GIRTH_LEVELS)[1:]]
+    waists = [person.horizontal(y, "pelvis") for y in np.linspace(middle, high, GIRTH_LEVELS)]
     waist = min(waists, key=person.girth)
-    necks = [person.across("neck", "head", share) for share in np.linspace(0, 1, LEVELS)]
+    necks = [person.across("neck", "head", share) for share in np.linspace(0, 1, GIRTH_LEVELS)]
     shoulders = [
-        person.farthest(person.cut(at[f"{side}_shoulder"], ACROSS), UP)
+        person.farthest(person.cut(joints[f"{side}_shoulder"], ACROSS), UP)
         for side in ("left", "right")
     ]
+    thigh = low - BELOW_CROTCH * (low - joints["right_knee"][1])
     girths = {
         "chest": person.chest((waist @ body.template)[0, 1]),
         "waist": waist,
         "hips": max(trunk, key=person.girth),
-        "thigh": person.horizontal(low - BELOW * (low - at["right_knee"][1]), "right_hip"),
+        "thigh": person.horizontal(thigh, "right_hip"),
         "upper arm": person.across("right_shoulder", "right_elbow", 0.5),
         "neck": min(necks, key=person.girth),
     }
@@ -290,24 +291,25 @@ class _Person:
 
     def across(self, start: str, end: str, share: float) -> csr_array:
         """The cut across the line between two joints."""
-        way = self.joints[end] - self.joints[start]
-        return self.cut(self.joints[start] + share * way, way / np.linalg.norm(way))
+        axis = self.joints[end] - self.joints[start]
+        return self.cut(self.joints[start] + share * axis, axis / np.linalg.norm(axis))
 
     def girth(self, weights: csr_array) -> float:
         """The length in m of a closed path on the template."""
         points = weights @ self.v
         return float(np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum())
 
-    def farthest(self, cut: csr_array, way: Array) -> csr_array:
+    def farthest(self, cut: csr_array, direction: Array) -> csr_array:
         """The point (1, N) of a cut that is farthest in a direction."""
-        return cut[[int(np.argmax(cut @ self.v @ way))]]
+        return cut[[int(np.argmax(cut @ self.v @ direction))]]
 
     def chest(self, waist: float) -> csr_array:
         """The cut where the torso reaches farthest to the front, below the armpits."""
         shoulder = self.joints["right_shoulder"]
-        cuts = [self.horizontal(y, "spine3") for y in np.linspace(waist, shoulder[1], LEVELS)]
+        cuts = [self.horizontal(y, "spine3") for y in np.linspace(waist, shoulder[1], GIRTH_LEVELS)]
         points = [cut @ self.v for cut in cuts]
-        torso = [k for k, p in enumerate(points) if abs(p[:, 0]).max() < ARMPIT * abs(shoulder[0])]
+        armpit = ARMPIT_RATIO * abs(shoulder[0])
+        torso = [k for k, cut_points in enumerate(points) if abs(cut_points[:, 0]).max() < armpit]
         return cuts[max(torso, key=lambda k: points[k][:, 2].max())]
 
     def fingertip(self, side: str) -> int:

@@ -14,10 +14,10 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.fitting.marker_sets import MarkerSet
 from workbench.fitting.markers import (
-    LEAST,
+    FEWEST_MARKERS,
     OFFSET_SIGMA,
     SIGMA,
-    WIDE,
+    WIDE_SIGMAS,
     checked_markers,
     frame_by_frame,
     marker_errors,
@@ -27,10 +27,10 @@ from workbench.fitting.markers import (
 )
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import Setup
-from workbench.fitting.tracking import FRAMES, spread_frames
+from workbench.fitting.tracking import SHAPE_FRAMES, spread_frames
 from workbench.residuals.kernels import quadratic
 
-EVERY = 10  # frames between two that are fitted by themselves as well
+ALONE_EVERY = 10  # frames between two that are fitted by themselves as well
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ def mosh(
     body: SkinnedBody,
     marker_set: MarkerSet,
     *,
-    frames: int = FRAMES,
+    frames: int = SHAPE_FRAMES,
     sigma: float = SIGMA,
     across: float | None = None,
     solve: Callable[[Setup], Values] | None = None,
@@ -74,9 +74,9 @@ def mosh(
     as `offset_prior` does.
     """
     whole = checked_markers(markers, marker_set)
-    usable = np.flatnonzero(np.isfinite(whole).all(axis=2).sum(axis=1) >= LEAST)
+    usable = np.flatnonzero(np.isfinite(whole).all(axis=2).sum(axis=1) >= FEWEST_MARKERS)
     if not len(usable):
-        raise BadObservation(f"no frame shows {LEAST} markers, by which a body is placed")
+        raise BadObservation(f"no frame shows {FEWEST_MARKERS} markers, by which a body is placed")
     observed = whole[usable]
     chosen = spread_frames(observed, frames)
     progress(f"shape and offsets from {len(chosen)} of {len(whole)} frames")
@@ -89,14 +89,14 @@ def mosh(
     pose, betas, trans = (block.name for block in dressed.blocks())
     known = dressed.start() | {name: values[name] for name in (betas, "offsets")}
     frame, _ = marker_frame(dressed, marker_set, sigma, OFFSET_SIGMA, quadratic, (trans, pose))
-    shares = (*(sigma / wide for wide in WIDE), 1.0)
+    shares = (*(sigma / wide for wide in WIDE_SIGMAS), 1.0)
     every = max(1, len(usable) // 10)
 
     def told(done: int, all_of: int) -> None:
         if done % every == 0 or done == all_of:
             progress(f"poses: frame {done} of {all_of}")
 
-    moved = frame_by_frame(frame, dressed, observed, known, shares, EVERY, told)
+    moved = frame_by_frame(frame, dressed, observed, known, shares, ALONE_EVERY, told)
     poses = np.full((len(whole), dressed.n_joints, 3), np.nan)
     places, errors = np.full((len(whole), 3), np.nan), np.full(whole.shape[:2], np.nan)
     poses[usable], places[usable] = moved[pose], moved[trans]

@@ -15,7 +15,7 @@ HEAD = ("eye", "ear")
 LIMBS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 COCO = ("nose", *(f"{side}_{part}" for part in HEAD + LIMBS for side in SIDES))
 FEET = tuple(f"{side}_{part}" for side in SIDES for part in ("big_toe", "small_toe", "heel"))
-PLACING = 4  # keypoints in an image, by which a body is placed in a frame
+FEWEST_PLACING = 4  # keypoints in an image, by which a body is placed in a frame
 
 
 class BadObservation(WorkbenchError):
@@ -65,11 +65,12 @@ class Photograph:
         bad = ~np.isfinite(self.pixels).all(axis=-1) & (self.confidence > 0)
         bad |= ~(np.isfinite(self.confidence) & (self.confidence >= 0))
         if bad.any():
-            *frame, row = at = tuple(int(i) for i in np.argwhere(bad)[0])
+            place = tuple(int(i) for i in np.argwhere(bad)[0])
+            *frame, row = place
             raise BadObservation(
                 f"{self.name}{''.join(f', frame {t}' for t in frame)}: keypoint {row} is "
-                f"{self.pixels[at].tolist()} with confidence {self.confidence[at]}; give finite "
-                "numbers, or confidence 0 if it was not seen"
+                f"{self.pixels[place].tolist()} with confidence {self.confidence[place]}; give "
+                "finite numbers, or confidence 0 if it was not seen"
             )
         object.__setattr__(self, "confidence", np.minimum(self.confidence, 1.0))
         if not (self.confidence > 0).any():
@@ -211,11 +212,11 @@ def clip_of(frames: Sequence[Observations | None], fps: float) -> Clip:
 
     Raises BadObservation if there is no frame, or if frames differ in cameras, sizes or keypoints.
     """
-    known = [one for one in frames if one is not None]
+    known = [frame for frame in frames if frame is not None]
     if not known:
         raise BadObservation("a clip needs at least one frame in which something was observed")
     first = known[0]
-    described = {(one.names, tuple((p.name, p.size) for p in one.photographs)) for one in known}
+    described = {(seen.names, tuple((p.name, p.size) for p in seen.photographs)) for seen in known}
     if len(described) > 1:
         raise BadObservation(
             "the frames of a clip have the same cameras, image sizes and keypoints, and these do "
@@ -223,8 +224,8 @@ def clip_of(frames: Sequence[Observations | None], fps: float) -> Clip:
         )
     nothing, films = np.zeros((len(first.names), 2)), []
     for i, photo in enumerate(first.photographs):
-        each = [None if one is None else one.photographs[i] for one in frames]
-        pixels = np.array([nothing if one is None else one.pixels for one in each])
-        confidence = np.array([nothing[:, 0] if one is None else one.confidence for one in each])
+        each = [None if frame is None else frame.photographs[i] for frame in frames]
+        pixels = np.array([nothing if p is None else p.pixels for p in each])
+        confidence = np.array([nothing[:, 0] if p is None else p.confidence for p in each])
         films.append(Film(photo.name, photo.size, pixels, confidence, *photo.calibration))
     return Clip(first.names, tuple(films), fps)

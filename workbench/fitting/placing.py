@@ -9,19 +9,19 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.observations import BadObservation
-from workbench.fitting.pose_regressor import FEWEST, PoseRegressor, shipped_regressor
+from workbench.fitting.pose_regressor import FEWEST_KEYPOINTS, PoseRegressor, shipped_regressor
 from workbench.fitting.setup import View
 from workbench.geometry.camera import triangulate
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
-FAR = 0.25  # m, at the depth of the body: how far a regressed body may be from a keypoint
-SUBSETS, LEFT_OUT = 64, 0.35  # how many subsets of keypoints, and the share that is left out
-ROUNDS = 2  # of regressing without the keypoints that disagree
-REWEIGHTED = 6  # times, when a body is placed
-NEAREST = 0.1  # m, the depth of a body in front of the camera
-MOST = 8  # directions in which a body may face
+FAR_FROM_KEYPOINT = 0.25  # m, at the depth of the body: farther away, a keypoint disagrees
+SUBSETS, LEFT_OUT_SHARE = 64, 0.35  # of the keypoints; the share that each leaves out
+REGRESSION_ROUNDS = 2  # of regressing without the keypoints that disagree
+REWEIGHTINGS = 6  # times, when a body is placed
+NEAREST_DEPTH = 0.1  # m, the depth of a body in front of the camera
+MOST_STARTS = 8  # directions in which a body may face
 TURNS = (0, 4, 2, 6, 1, 3, 5, 7)  # eighths of a turn: the other way, and then far from both first
 
 
@@ -152,18 +152,19 @@ def regressed_start(regressor: PoseRegressor, body: Body, view: View, values: Va
 
     known = confidence > 0
     best = regressed(confidence[None])
-    close = best[3][0] < FAR
+    close = best[3][0] < FAR_FROM_KEYPOINT
     if not close[known].all():
         distances = regressed(confidence * _subsets(known))[3]
-        close = distances[(np.minimum(distances / FAR, 1.0) ** 2 @ known).argmin()] < FAR
-        for _ in range(ROUNDS):
+        losses = np.minimum(distances / FAR_FROM_KEYPOINT, 1.0) ** 2 @ known
+        close = distances[losses.argmin()] < FAR_FROM_KEYPOINT
+        for _ in range(REGRESSION_ROUNDS):
             agreed = confidence * close
-            if (agreed > 0).sum() < FEWEST:
+            if (agreed > 0).sum() < FEWEST_KEYPOINTS:
                 break
             best = regressed(agreed[None])
-            close = best[3][0] < FAR
-    facing, pose, root, _ = (one[0] for one in best)
-    if not root[2] > NEAREST:
+            close = best[3][0] < FAR_FROM_KEYPOINT
+    facing, pose, root, _ = (array[0] for array in best)
+    if not root[2] > NEAREST_DEPTH:
         raise BadObservation(
             f"{view.name}: the keypoints place the body behind the camera; check that they are "
             "px, and that the camera's focal length is right"
@@ -180,16 +181,16 @@ def placed_by_rays(points: Array, rays: Array, confidence: Array) -> tuple[Array
 
     A ray x meets the point p if x (p_z + T_z) = (p_x + T_x, p_y + T_y), which is linear in T. The
     distances from these equations are lengths at the depth of the points; they are weighted by the
-    squares of the confidences (N, M), and again and again by 1 / (1 + (d / FAR)^2)^2, so that few
-    that are far off hardly count (Geman and McClure). Raises BadObservation if T is not determined
-    or behind the camera.
+    squares of the confidences (N, M), and again and again by 1 / (1 + (d / s)^2)^2 with
+    s = FAR_FROM_KEYPOINT, so that few that are far off hardly count (Geman and McClure). Raises
+    BadObservation if T is not determined or behind the camera.
     """
     M = points.shape[1]
     A = np.zeros((M, 2, 3))
     A[:, :, :2], A[:, :, 2] = np.eye(2), -rays
     b = rays * points[..., 2:] - points[..., :2]  # (N, M, 2)
     w = confidence**2
-    for _ in range(REWEIGHTED):
+    for _ in range(REWEIGHTINGS):
         H = np.einsum("nm,mai,maj->nij", w, A, A)
         g = np.einsum("nm,mai,nma->ni", w, A, b)
         if not (np.linalg.cond(H) < 1e12).all():
@@ -199,7 +200,7 @@ def placed_by_rays(points: Array, rays: Array, confidence: Array) -> tuple[Array
             )
         T = np.linalg.solve(H, g[..., None])[..., 0]
         d = np.linalg.norm(np.einsum("mai,ni->nma", A, T) - b, axis=2)
-        w = confidence**2 / (1 + (d / FAR) ** 2) ** 2
+        w = confidence**2 / (1 + (d / FAR_FROM_KEYPOINT) ** 2) ** 2
     return T, d
 
 
@@ -217,10 +218,10 @@ def seen_by(
         )
     rows = [names.index(name) for name in regressor.keypoint_names]
     confidence = np.clip(view.confidence[rows], 0.0, 1.0)
-    if (confidence > 0).sum() < FEWEST:
+    if (confidence > 0).sum() < FEWEST_KEYPOINTS:
         raise BadObservation(
             f"{view.name} shows only {int((confidence > 0).sum())} keypoints of the regressor; "
-            f"{FEWEST} are needed to place the body"
+            f"{FEWEST_KEYPOINTS} are needed to place the body"
         )
     f, c = values[view.camera.focal.name], values[view.camera.centre.name]
     rays = np.where(confidence[:, None] > 0, (view.observed[rows] - c) / f, 0.0)
@@ -232,7 +233,7 @@ def _subsets(known: Mask) -> Mask:
     rng = np.random.default_rng(len(known))
     order = np.where(known, rng.random((SUBSETS, len(known))), 2.0).argsort(axis=1).argsort(axis=1)
     count = int(known.sum())
-    kept = max(FEWEST, count - round(LEFT_OUT * count))
+    kept = max(FEWEST_KEYPOINTS, count - round(LEFT_OUT_SHARE * count))
     return np.asarray((order < kept) & known)
 
 
@@ -260,15 +261,15 @@ def turned_about(body: Body, values: Values, count: int) -> list[Values]:
     seen from the back differ least, and the others face between. The middle of the body's joints
     stays where it is. Raises BadArgument for fewer than 1 or more than 8 starts.
     """
-    if not 1 <= count <= MOST:
-        raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
+    if not 1 <= count <= MOST_STARTS:
+        raise BadArgument(f"a fit begins at 1 to {MOST_STARTS} starts, not at {count}")
     first = {block.name: values[block.name] for block in body.blocks()}
     pose, betas, trans = first.values()
     middle: Array = body.joints(pose, betas, trans).mean(axis=0)
     own = matrix_from_vector(pose[0]) @ matrix_from_vector(body.bind_pose[0]).T
     starts = [first]
     for k in TURNS[1:count]:
-        turn = own @ matrix_from_vector([0.0, 2 * np.pi * k / MOST, 0.0]) @ own.T
+        turn = own @ matrix_from_vector([0.0, 2 * np.pi * k / MOST_STARTS, 0.0]) @ own.T
         away = middle - turn @ (middle - trans)
         starts.append(first | moved(body, turn, away, pose, betas))
     return starts

@@ -19,8 +19,8 @@ from workbench.geometry.mirror import AXIAL, REFLECTION, opposites
 from workbench.geometry.rotation import nearest_rotation
 from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
 
-FEWEST = 3  # keypoints, below which nothing says how a body is turned
-COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
+FEWEST_KEYPOINTS = 3  # keypoints, below which nothing says how a body is turned
+MIRRORED_COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
 FOLDER = files("workbench") / "data" / "poses"
 REGRESSOR_FILE = "regressor.npz"
 MOST_LAYERS = 9
@@ -57,15 +57,17 @@ class PoseRegressor:
         not known, and the others count alike. Raises BadArgument for other shapes, and unless
         three keypoints of each image are known.
         """
-        seen = self._checked(rays, confidence)
-        points, known = (one.reshape(-1, *one.shape[seen[1].ndim - 1 :]) for one in seen)
+        checked = self._checked(rays, confidence)
+        points, known = (
+            array.reshape(-1, *array.shape[checked[1].ndim - 1 :]) for array in checked
+        )
         network, to_virtual = normalised(points, known)
         swap = opposites(self.keypoint_names)
         both_ways = np.stack([network, network[:, swap] * [-1, 1, 1]])
         answers = self._forward(both_ways.reshape(2 * len(points), -1))
         answers = answers.reshape(2, len(points), -1)
         columns = answers[..., :6].reshape(2, -1, 3, 2)
-        columns = (columns[0] + COLUMNS * columns[1]) / (2 * self.scales[0])
+        columns = (columns[0] + MIRRORED_COLUMNS * columns[1]) / (2 * self.scales[0])
         K, other = len(self.joint_names), opposites(self.joint_names)
         turns = answers[..., 6:].reshape(2, -1, K - 1, 3) / self.scales[1:, None]
         pose = np.zeros((len(points), K, 3))
@@ -74,7 +76,7 @@ class PoseRegressor:
         third = np.cross(columns[..., 0], columns[..., 1])
         R = nearest_rotation(np.concatenate([columns, third[..., None]], axis=2))
         R = to_virtual.swapaxes(1, 2) @ R
-        shape = seen[1].shape[:-1]
+        shape = checked[1].shape[:-1]
         return R.reshape(*shape, 3, 3), pose.reshape(*shape, K, 3)
 
     def _forward(self, x: Array) -> Array:
@@ -95,8 +97,8 @@ class PoseRegressor:
             )
         if not np.isfinite(points[trust > 0]).all():
             raise BadArgument("a keypoint has no finite position; give it confidence 0")
-        if ((trust > 0).sum(axis=-1) < FEWEST).any():
-            raise BadArgument(f"an image shows fewer than {FEWEST} keypoints of {M}")
+        if ((trust > 0).sum(axis=-1) < FEWEST_KEYPOINTS).any():
+            raise BadArgument(f"an image shows fewer than {FEWEST_KEYPOINTS} keypoints of {M}")
         return points, trust
 
 

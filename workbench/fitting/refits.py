@@ -29,16 +29,18 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.problem import Problem
 from workbench.solvers import DEFAULT, SOLVERS, Solver
 
-FIRST = 0.5  # of Laplace's standard deviation: the first step
-GROWTH, LONGEST = 1.5, 4.0  # of a step while the cost rises slowly, and its limit in deviations
-MOST = 25  # fits on each side
-PAST = 1.3  # of the rise at which the interval ends: where a side is followed to
-CLOSE, REFINED = 0.02, 6  # of the root of the rise: how near a fit is to each end; fits for that
-BETTER = 1e-6  # of the cost, by which another minimum has to be lower
-REACH, FARTHEST = 3.0, 1.5  # of a start: standard deviations; characteristic scales at most
-SHARES = (1.0, 0.5, -1.0, -0.5)  # of this: where the starts are, on both sides
-SAME = 0.01  # characteristic scales of each entry: nearer ends are one
-LEVEL = 1e-6  # of 1 + cost: ends of the same cost that are apart are in one valley
+FIRST_STEP = 0.5  # of Laplace's standard deviation: the first step
+STEP_GROWTH, LONGEST_STEP = 1.5, 4.0  # while the cost rises slowly; in standard deviations
+MOST_FITS = 25  # fits on each side
+PAST_THE_END = 1.3  # of the rise at which the interval ends: where a side is followed to
+NEAR_THE_END = 0.02  # of the root of the rise: how near a fit is to each end of the interval
+MOST_REFINEMENTS = 6  # fits for that
+BETTER_SHARE = 1e-6  # of the cost, by which another minimum has to be lower
+START_DEVIATIONS = 3.0  # standard deviations: how far a start is from the minimum
+FARTHEST_START = 1.5  # characteristic scales: but no farther than this
+START_SHARES = (1.0, 0.5, -1.0, -0.5)  # of this distance: where the starts are, on both sides
+SAME_MINIMUM = 0.01  # characteristic scales of each entry: nearer ends are one
+SAME_COST = 1e-6  # of 1 + cost: ends of the same cost that are apart are in one valley
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,19 +101,19 @@ class Profile:
         other = "on the other side nothing bounds it up to"
         match low == -inf, high == inf:
             case True, True:
-                told = f"nothing bounds {self.entry} between {first:.4g} and {last:.4g}{unit}"
+                text = f"nothing bounds {self.entry} between {first:.4g} and {last:.4g}{unit}"
             case True, False:
-                told = f"{self.entry} is below {high:.4g}{unit} {level}; {other} {first:.4g}{unit}"
+                text = f"{self.entry} is below {high:.4g}{unit} {level}; {other} {first:.4g}{unit}"
             case False, True:
-                told = f"{self.entry} is above {low:.4g}{unit} {level}; {other} {last:.4g}{unit}"
+                text = f"{self.entry} is above {low:.4g}{unit} {level}; {other} {last:.4g}{unit}"
             case _:
-                told = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} {level}"
+                text = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} {level}"
         if np.isfinite(self.sd):
             a, b = self.laplace
-            told += f"; Laplace says {a:.4g} to {b:.4g}"
+            text += f"; Laplace says {a:.4g} to {b:.4g}"
         if self.lower is not None:
-            told += "; on the way there is a lower minimum, so that the fit was not at the best one"
-        return told
+            text += "; on the way there is a lower minimum, so that the fit was not at the best one"
+        return text
 
 
 def profile_likelihood(
@@ -146,20 +148,20 @@ def profile_likelihood(
     size = min(sd, float(whole.scales.sizes[k]))
     others = problem.freeing(*(name for name in labels if name != entry))
 
-    def fit(values: Values, at: float) -> _Fit:
+    def fit(values: Values, value: float) -> _Fit:
         x, fixed = problem.split(values)
-        x[k] = at
-        there = problem.values(x, fixed)
-        there = {**there, **solver.solve(others, there).values}
-        return at, problem.linearize(there).cost, there
+        x[k] = value
+        fitted = problem.values(x, fixed)
+        fitted = {**fitted, **solver.solve(others, fitted).values}
+        return value, problem.linearize(fitted).cost, fitted
 
     start = problem.read(values)
     best = float(problem.split(start)[0][k])
     middle = (best, whole.here.cost, start)
-    below, above = (_followed(fit, middle, sign * size, _rise(level)) for sign in (-1, 1))
+    below, above = (_fits_on_one_side(fit, middle, sign * size, _rise(level)) for sign in (-1, 1))
     at, costs, fits = zip(*below[::-1], middle, *above, strict=True)
     least = int(np.argmin(costs))
-    lower = fits[least] if costs[least] < whole.here.cost * (1 - BETTER) else None
+    lower = fits[least] if costs[least] < whole.here.cost * (1 - BETTER_SHARE) else None
     unit = problem.free.unit(k)
     return Profile(entry, unit, best, sd, level, np.array(at), np.array(costs), tuple(fits), lower)
 
@@ -167,37 +169,37 @@ def profile_likelihood(
 _Fit = tuple[float, float, Values]  # the entry's value, the cost, all values
 
 
-def _followed(
+def _fits_on_one_side(
     fit: Callable[[Values, float], _Fit], middle: _Fit, size: float, rise: float
 ) -> list[_Fit]:
     """Fits on one side, each from the one before, and more where the cost has risen by `rise`.
 
-    Steps are FIRST to LONGEST signed sizes.
+    Steps are FIRST_STEP to LONGEST_STEP signed sizes.
     """
     side: list[_Fit] = []
-    (at, before, values), step = middle, FIRST
+    (value, before, values), step = middle, FIRST_STEP
     least = before
-    for _ in range(MOST):
-        at, cost, values = fit(values, at + step * size)
-        side.append((at, cost, values))
+    for _ in range(MOST_FITS):
+        value, cost, values = fit(values, value + step * size)
+        side.append((value, cost, values))
         least = min(least, cost)
-        if cost - least > PAST * rise:
+        if cost - least > PAST_THE_END * rise:
             break
         if cost - before < 0.3 * rise:
-            step = min(GROWTH * step, LONGEST)
+            step = min(STEP_GROWTH * step, LONGEST_STEP)
         before = cost
     end = sqrt(rise)
-    for _ in range(REFINED):
-        there = [middle, *side]
-        costs = np.array([cost for _, cost, _ in there])
+    for _ in range(MOST_REFINEMENTS):
+        fits = [middle, *side]
+        costs = np.array([cost for _, cost, _ in fits])
         roots = np.sqrt(costs - costs.min())
         past = np.flatnonzero(roots >= end)
-        if not len(past) or past[0] == 0 or np.abs(roots - end).min() < CLOSE * end:
+        if not len(past) or past[0] == 0 or np.abs(roots - end).min() < NEAR_THE_END * end:
             break
         k = int(past[0])
         share = min(max((end - roots[k - 1]) / (roots[k] - roots[k - 1]), 0.2), 0.8)
-        between = there[k - 1][0] + share * (there[k][0] - there[k - 1][0])
-        side.insert(k - 1, fit(there[k - 1][2], float(between)))
+        between = fits[k - 1][0] + share * (fits[k][0] - fits[k - 1][0])
+        side.insert(k - 1, fit(fits[k - 1][2], float(between)))
     return side
 
 
@@ -206,14 +208,14 @@ def _rise(level: float) -> float:
     return float(ndtri((1 + level) / 2) ** 2) / 2
 
 
-def _crossing(at: Array, roots: Array, end: float, nowhere: float) -> float:
+def _crossing(entry_values: Array, roots: Array, end: float, nowhere: float) -> float:
     """Where the root of the rise first comes to `end`, by linear interpolation."""
     past = np.flatnonzero(roots >= end)
     if not len(past):
         return nowhere
     k = int(past[0])
     share = (end - roots[k - 1]) / (roots[k] - roots[k - 1])
-    return float(at[k - 1] + share * (at[k] - at[k - 1]))
+    return float(entry_values[k - 1] + share * (entry_values[k] - entry_values[k - 1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,32 +249,34 @@ class OtherMinima:
     @property
     def better(self) -> tuple[OtherMinimum, ...]:
         """The minima at a lower cost than the first."""
-        return tuple(one for one in self.minima if one.excess < 0)
+        return tuple(minimum for minimum in self.minima if minimum.excess < 0)
 
     def __str__(self) -> str:
         """All of it in sentences."""
-        told = [
+        sentences = [
             f"Of {self.starts} fits from starts on both sides along the {len(self.directions)} "
             f"weakest directions, {self.came_back} came back."
         ]
         if self.valley:
-            far = max(self.valley, key=lambda one: one.apart)
-            told.append(
-                f"{sum(one.starts for one in self.valley)} ended elsewhere at the same cost, up to "
-                f"{far.apart:.2g} characteristic scales away in {far.entry}: this is a valley, and "
-                "where a fit ends in it is arbitrary."
+            far = max(self.valley, key=lambda minimum: minimum.apart)
+            starts = sum(minimum.starts for minimum in self.valley)
+            sentences.append(
+                f"{starts} ended elsewhere at the same cost, up to {far.apart:.2g} characteristic "
+                f"scales away in {far.entry}: this is a valley, and where a fit ends in it is "
+                "arbitrary."
             )
-        for one in self.minima:
-            side = f"{one.excess:.3g} above" if one.excess > 0 else f"{-one.excess:.3g} below"
-            told.append(
-                f"{one.starts} ended in another minimum, at a cost {side}, which differs most in "
-                f"{one.entry}, by {one.apart:.2g} characteristic scales."
+        for minimum in self.minima:
+            side = "above" if minimum.excess > 0 else "below"
+            sentences.append(
+                f"{minimum.starts} ended in another minimum, at a cost {abs(minimum.excess):.3g} "
+                f"{side}, which differs most in {minimum.entry}, by {minimum.apart:.2g} "
+                "characteristic scales."
             )
         if self.better:
-            told.append("The fit was not at the best minimum.")
+            sentences.append("The fit was not at the best minimum.")
         if not self.valley and not self.minima:
-            told.append("No other minimum was found this way.")
-        return " ".join(told)
+            sentences.append("No other minimum was found this way.")
+        return " ".join(sentences)
 
 
 def other_minima(
@@ -290,47 +294,50 @@ def other_minima(
     """
     if directions < 1:
         raise BadArgument(f"one direction or more is looked along, not {directions}")
-    here = diagnose_whole(problem, values)
-    sizes = here.scales.sizes
-    J = here.here.dense * sizes
-    few = (0, min(directions, J.shape[1]) - 1)
-    squares, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=few)
+    whole = diagnose_whole(problem, values)
+    sizes, first_cost = whole.scales.sizes, whole.here.cost
+    J = whole.here.dense * sizes
+    weakest = (0, min(directions, J.shape[1]) - 1)
+    squares, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=weakest)
     s, basis = np.sqrt(np.maximum(squares, 0)), vectors.T
     x, fixed = problem.split(values)
-    lengths = np.minimum(REACH / np.maximum(s, 1e-300), FARTHEST)
+    lengths = np.minimum(START_DEVIATIONS / np.maximum(s, 1e-300), FARTHEST_START)
     starts = [
         np.clip(x + share * length * sizes * d, problem.lower, problem.upper)
         for d, length in zip(basis, lengths, strict=True)
-        for share in SHARES
+        for share in START_SHARES
     ]
-    first, back = here.here.cost, 0
 
-    def apart(one: Array, other: Array) -> float:
-        """The largest difference of an entry, in characteristic scales."""
-        return float(np.abs((one - other) / sizes).max())
+    def same(a: Array, b: Array) -> bool:
+        return float(np.abs((a - b) / sizes).max()) < SAME_MINIMUM
 
-    ends: list[tuple[Array, float, int]] = []
+    came_back = 0
+    ends: list[tuple[Array, float]] = []  # points that differ, and their costs
+    counts: list[int] = []  # how many starts led to each
     for start in starts:
         solution = solver.solve(problem, problem.values(start, fixed))
         end = problem.split({**values, **solution.values})[0]
-        near = (i for i, (there, *_) in enumerate(ends) if apart(end, there) < SAME)
-        if apart(end, x) < SAME:
-            back += 1
-        elif (same := next(near, None)) is not None:
-            ends[same] = (*ends[same][:2], ends[same][2] + 1)
+        known = next((i for i, (point, _) in enumerate(ends) if same(end, point)), None)
+        if same(end, x):
+            came_back += 1
+        elif known is not None:
+            counts[known] += 1
         else:
-            ends.append((end, solution.cost, 1))
-    found = []
-    for end, cost, count in ends:
+            ends.append((end, solution.cost))
+            counts.append(1)
+    others = []
+    for (end, cost), count in zip(ends, counts, strict=True):
         away = np.abs((end - x) / sizes)
         k = int(np.argmax(away))
-        there, entry = problem.values(end, fixed), problem.free.label(k)
-        found.append(OtherMinimum(there, cost - first, float(away[k]), entry, count))
-    level = LEVEL * (1 + first)
-    valley = tuple(one for one in found if abs(one.excess) <= level)
-    others = sorted((o for o in found if abs(o.excess) > level), key=lambda one: one.excess)
+        excess, entry = cost - first_cost, problem.free.label(k)
+        end_values = problem.values(end, fixed)
+        others.append(OtherMinimum(end_values, excess, float(away[k]), entry, count))
+    level = SAME_COST * (1 + first_cost)
+    valley = tuple(other for other in others if abs(other.excess) <= level)
+    minima = [other for other in others if abs(other.excess) > level]
+    minima.sort(key=lambda other: other.excess)
     words = tuple(in_units(d * sizes, problem.free) for d in basis)
-    return OtherMinima(len(starts), back, valley, tuple(others), words)
+    return OtherMinima(len(starts), came_back, valley, tuple(minima), words)
 
 
 def laplace_points(
@@ -342,4 +349,4 @@ def laplace_points(
     s, V = problem.linearize(values).spectrum.determined
     x, fixed = problem.split(values)
     steps = (np.random.default_rng(seed).standard_normal((count, len(s))) / s) @ V
-    return [problem.values(np.clip(x + one, problem.lower, problem.upper), fixed) for one in steps]
+    return [problem.values(np.clip(x + d, problem.lower, problem.upper), fixed) for d in steps]

@@ -70,17 +70,17 @@ class KnownAnswer:
     def check(self, problem: Problem) -> None:
         """Raise BadSetup unless values and deviations cover exactly the problem's free blocks."""
         for name in ("values", "deviations"):
-            given = getattr(self, name)
-            if given is None:
+            blocks = getattr(self, name)
+            if blocks is None:
                 continue
-            foreign = set(given) - set(problem.free.names)
+            foreign = set(blocks) - set(problem.free.names)
             if foreign:
                 raise BadSetup(
                     f"the known {name} hold {', '.join(sorted(foreign))}, which is not free; the "
                     f"free blocks are {', '.join(problem.free.names)}"
                 )
             try:
-                flat = problem.free.pack(given)
+                flat = problem.free.pack(blocks)
             except WorkbenchError as error:
                 raise BadSetup(f"the known {name} are not the problem's: {error}") from error
             if name == "deviations" and (flat < 0).any():
@@ -108,10 +108,10 @@ def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -
     return max(0.0, float(fewest))
 
 
-def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
+def names(named: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
     """These names as a tuple, also if it is a single one; a residual stands for its name."""
-    several = (given,) if isinstance(given, str | Residual) else given
-    return tuple(one.name if isinstance(one, Residual) else one for one in several)
+    several = (named,) if isinstance(named, str | Residual) else named
+    return tuple(item.name if isinstance(item, Residual) else item for item in several)
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         bodies = SkinnedBody, TriangleBody, NoneType
-        for name, kind, wanted in (
+        for name, kind, expected in (
             ("problem", Problem, "a Problem"),
             ("start", Mapping, "a dict of arrays by the names of blocks"),
             ("body", bodies, "a SkinnedBody, a TriangleBody or None"),
@@ -255,12 +255,12 @@ class Setup:
             ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
             ("strategy", (Callable, NoneType), "a function that makes a solver out of a solver"),
         ):
-            _check_kind(f"`{name}` of a setup", getattr(self, name), kind, wanted)
-        for name, one in (("views", View), ("gauges", Gauge)):
-            several = getattr(self, name)
-            several = (several,) if isinstance(several, one) else several
-            several = checks.several(f"`{name}`", several, one, BadSetup)
-            object.__setattr__(self, name, several)
+            _check_kind(f"`{name}` of a setup", getattr(self, name), kind, expected)
+        for name, entry_type in (("views", View), ("gauges", Gauge)):
+            entries = getattr(self, name)
+            entries = (entries,) if isinstance(entries, entry_type) else entries
+            entries = checks.several(f"`{name}`", entries, entry_type, BadSetup)
+            object.__setattr__(self, name, entries)
         shape = None if self.body is None else self.body.template.shape
         if self.truth is not None and shape not in (None, np.shape(self.truth)):
             raise BadSetup(
@@ -279,7 +279,7 @@ class Setup:
             self.problem.free.pack(dict(self.start) | dict(self.made_of))
 
 
-def _check_kind(name: str, value: object, kind: Any, wanted: str) -> None:
-    """Raise BadSetup unless a value is of a kind, or of several, which `wanted` describes."""
+def _check_kind(name: str, value: object, kind: Any, expected: str) -> None:
+    """Raise BadSetup unless a value is of a kind, or of several, which `expected` describes."""
     if not isinstance(value, kind):
-        raise BadSetup(f"{name} must be {wanted}, not {value!r:.80}")
+        raise BadSetup(f"{name} must be {expected}, not {value!r:.80}")

@@ -20,10 +20,11 @@ from workbench.residuals import Residual, landmarks
 from workbench.solvers import SolveStage, Staged, Status, TrustRegion
 from workbench.solvers.solution import Solution, Solver
 
-FRAMES = 12  # from which the shape is found
-COMPARED = 60  # points by which frames are compared
-WORSE = 4.0  # times the cost of the frame before: a frame that may have been lost
-QUICK = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # what is observed is not better
+SHAPE_FRAMES = 12  # from which the shape is found
+COMPARED_POINTS = 60  # points by which frames are compared
+LOST_RATIO = 4.0  # times the cost of the frame before: a frame that may have been lost
+# a smaller change is finer than anything observed
+QUICK_SOLVER = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)
 Starts = Callable[[int, Values | None], Sequence[Values]]
 Progress = Callable[[str, int, int], object]
 
@@ -57,8 +58,8 @@ class Tracker:
     problem: Problem
     starts: Starts
     stages: tuple[SolveStage, ...] = ()
-    solver: TrustRegion = QUICK
-    following: TrustRegion = QUICK
+    solver: TrustRegion = QUICK_SOLVER
+    following: TrustRegion = QUICK_SOLVER
     every: int | None = None
 
     def alone(self, t: int) -> tuple[float, Values] | None:
@@ -78,7 +79,7 @@ class Tracker:
                 end = self._best(self.following, self.starts(t, last[1]))
             since += 1
             due = last is None or (self.every is not None and since >= self.every)
-            if due or (last is not None and end is not None and end[0] > WORSE * last[0]):
+            if due or (last is not None and end is not None and end[0] > LOST_RATIO * last[0]):
                 alone = self.alone(t)
                 if alone is not None:
                     since = 0
@@ -137,8 +138,8 @@ class PointTracker:
     def shape(self, betas: Array, progress: Progress = quiet) -> Array:
         """The betas (B,) of some frames that differ, beginning with these."""
         M = self.observed.shape[1]
-        some = np.linspace(0, M - 1, min(M, COMPARED)).round().astype(int)
-        chosen = spread_frames(self.observed[:, some], FRAMES).tolist()
+        some = np.linspace(0, M - 1, min(M, COMPARED_POINTS)).round().astype(int)
+        chosen = spread_frames(self.observed[:, some], SHAPE_FRAMES).tolist()
         tracker, frames = self._tracker(betas), []
         for i, t in enumerate(chosen):
             progress("shape", i, len(chosen) + 1)
@@ -150,7 +151,7 @@ class PointTracker:
         framed = (names[0], names[2], "observed", "seen")
         start = {name: np.array([frame[name] for frame in frames]) for name in framed}
         progress("shape", len(chosen), len(chosen) + 1)
-        solution = solved(QUICK, together, {**start, names[1]: betas})
+        solution = solved(QUICK_SOLVER, together, {**start, names[1]: betas})
         progress("shape", len(chosen) + 1, len(chosen) + 1)
         return np.asarray(solution.values[names[1]])
 
@@ -168,12 +169,12 @@ class PointTracker:
         pose, name, trans = (block.name for block in self.body.blocks())
 
         def starts(t: int, before: Values | None) -> list[Values]:
-            begun = []
+            starts_of_frame = []
             for start in self.starts(t, before):
                 shape = betas.copy()
                 shape[self.own] = start.get(name, betas)[self.own]
-                begun.append({**start, **self.data(t), name: shape})
-            return begun
+                starts_of_frame.append({**start, **self.data(t), name: shape})
+            return starts_of_frame
 
         stages = (SolveStage(weights={"points": (self.sigma / w) ** 2}) for w in self.widths)
         frame = self.frame.freeing(trans, pose, *(f"{name}[{b}]" for b in self.own))

@@ -8,7 +8,7 @@ posterior is found in a few frames, and its difference from the likeliest pose a
 changes slowly, is interpolated and smoothed.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -35,7 +35,7 @@ from workbench.fitting.keypoints import (
     landmark_set,
     usual_sigma,
 )
-from workbench.fitting.observations import PLACING, BadObservation, Clip, Film
+from workbench.fitting.observations import FEWEST_PLACING, BadObservation, Clip, Film
 from workbench.fitting.placing import place_body
 from workbench.fitting.setup import Measure, Moving, Setup, View, largest_beta
 from workbench.fitting.tracking import Tracker
@@ -47,15 +47,17 @@ from workbench.residuals.sequences import Between, Frames
 from workbench.sampling.posterior_mean import posterior_mean
 from workbench.solvers import SolveStage, TrustRegion
 
-COARSE = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
-EVERY = 10  # frames between two that are fitted from scratch
-QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
-ROUGHLY = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)  # all frames are fitted again
-FAR = 0.12  # of a person's height: 100 px at 830, where outliers begin (Bogo et al., SMPLify)
-LOOKED_AT = 9  # frames, for the height of the person
+COARSE_SIGMAS = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
+FROM_SCRATCH_EVERY = 10  # frames between two that are fitted from scratch
+# of frames by themselves, and of those that follow; all frames are fitted again
+QUICK_SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
+ROUGH_SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)
+OUTLIER_SHARE = 0.12  # of a person's height: 100 px at 830, as in SMPLify (Bogo et al., 2016)
+FRAMES_FOR_HEIGHT = 9
 POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
 EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
-APART, BLUR = 1 / 12, 0.1  # s: between frames that are drawn; sd of the Gaussian that smooths
+DRAW_INTERVAL = 1 / 12  # s, between frames of which the posterior is drawn
+BLUR_SD = 0.1  # s, of the Gaussian that smooths between them
 
 
 def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float:
@@ -80,13 +82,14 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
     a known error is not finite.
     """
     x = reals("the errors of a video", errors)
-    there = np.ones(x.shape, dtype=bool) if known is None else np.asarray(known, dtype=bool)
-    if x.ndim == 0 or there.shape != x.shape:
+    observed = np.ones(x.shape, dtype=bool) if known is None else np.asarray(known, dtype=bool)
+    if x.ndim == 0 or observed.shape != x.shape:
         raise BadObservation(
-            f"errors are (T, ...) and `known` has the same shape, not {x.shape} and {there.shape}"
+            f"errors are (T, ...) and `known` has the same shape, not {x.shape} and "
+            f"{observed.shape}"
         )
-    x = np.where(there, x, 0.0).reshape(len(x), -1)
-    count = there.reshape(x.shape).sum(axis=0)
+    x = np.where(observed, x, 0.0).reshape(len(x), -1)
+    count = observed.reshape(x.shape).sum(axis=0)
     used = count > 1
     if not np.isfinite(x).all() or not used.any():
         raise BadObservation(
@@ -100,22 +103,6 @@ def worth_of_errors(x: Array, count: Array) -> float:
     """n of errors (T, M), zero where not known; `count` (M,) says how often each is known."""
     squares, sums = np.sum(x**2), np.sum(x.sum(axis=0) ** 2 / count)
     return float(np.clip(squares / sums if sums > 0 else np.inf, 1, len(x)))
-
-
-def autocorrelation(errors: Array, known: Array) -> Array:
-    """The correlation r_k about zero of errors k frames apart, (T,), of all series (T, ...) pooled.
-
-    The products of all pairs of known frames are summed, and divided by the number of pairs. Lags
-    with fewer pairs than one for each series are NaN.
-    """
-    x = np.where(known, errors, 0.0).reshape(len(errors), -1)
-    there = np.asarray(known, dtype=float).reshape(x.shape)
-    found = np.full(len(x), np.nan)
-    for k in range(len(x)):
-        pairs = np.sum(there[k:] * there[: len(x) - k])
-        if pairs >= max(1, x.shape[1] // 2):
-            found[k] = np.sum(x[k:] * x[: len(x) - k]) / pairs
-    return found / found[0] if found[0] > 0 else found
 
 
 @dataclass(frozen=True)
@@ -169,62 +156,26 @@ def video_fit(
     if worth is not None and not 1 <= worth <= T:
         raise BadArgument(f"{T} frames are worth 1 to {T} independent ones, not {worth:g}")
     kind = landmark_set(body, clip.names)
-    landmarks = body.landmark_names(kind)
-    pose, betas, trans = body.blocks()
-    points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     evidence = Block(EVIDENCE, (1,))
-    order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
-    films = [film.ordered(order) for film in clip.films]
-    heights = heights_of(films, body, kind)
+    terms = _film_terms(clip, body, kind, evidence, sigma, kernel)
+    frame = _frame_problem(body, terms, evidence, shared)
     common: Values = {EVIDENCE: np.ones(1)}
-    data, observed, cameras, own_priors, free = [], [], [], [], [pose.name, betas.name, trans.name]
-    shares: dict[str, float] = {}
-    for film, height in zip(films, heights, strict=True):
-        camera = Camera(film.name + "/")
-        own_sigma = usual_sigma(height, film.size) if sigma is None else sigma
-        chosen = scaled(geman_mcclure, FAR * height / own_sigma) if kernel is None else kernel
-        residual, blocks = camera_residual(points, camera, landmarks, own_sigma, chosen)
-        shares[residual.name] = own_sigma / height
-        data.append(replace(residual, weights=residual.weights * evidence.symbol))
-        observed.append((blocks[0].name, blocks[1].name))
-        cameras.append(camera)
-        first = int(np.argmax((film.confidence > 0).any(axis=1)))
-        common |= camera_values(camera, film.photograph(first))
-        if film.K is None:
-            own_priors.append(focal_prior(camera, max(film.size)))
-            free.append(camera.focal.name)
-    of_pose, of_shape = pose_prior(body), shape_prior(body)
-    of_pose = replace(of_pose, weights=evidence.symbol)
-    if betas.name not in shared:
-        of_shape = replace(of_shape, weights=evidence.symbol)
-    lenses = [block for camera in cameras for block in camera.blocks]
-    frame = Problem([*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence])
-    each: list[Values] = []
-    views: list[list[View]] = []
-    for t in range(T):
-        values = body.start() | common
-        views.append([])
-        for film, camera, (seen, sure) in zip(films, cameras, observed, strict=True):
-            values |= {seen: film.pixels[t], sure: film.confidence[t]}
-            views[t].append(_view(film, camera, kind, t))
-        each.append(values)
-    own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
-    data_names = tuple(shares)
-    frames = frame_by_frame(own, body, shares, each, views, told)
-    names = [*(b.name for b in lenses), EVIDENCE, *shared]
+    for term in terms:
+        first = int(np.argmax((term.film.confidence > 0).any(axis=1)))
+        common |= camera_values(term.camera, term.film.photograph(first))
+    frames = _frame_by_frame(frame, body, terms, kind, common, told)
+    of_cameras = [block.name for term in terms for block in term.camera.blocks]
+    names = [*of_cameras, EVIDENCE, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )
-    start = {
-        name: np.median([one[name] for one in frames], axis=0)
-        if name in names
-        else np.array([one[name] for one in frames])
-        for name in problem.known
-    }
+    start = {name: np.array([values[name] for values in frames]) for name in problem.known}
+    start |= {name: np.median(start[name], axis=0) for name in start if name in names}
+    data_names = tuple(term.residual.name for term in terms)
     if worth is None:
         worth = worth_of(problem, start, data_names) if T > 1 else 1.0
     start[EVIDENCE] = np.array([worth / T])
-    whole = tuple(_view(*one, kind) for one in zip(films, cameras, strict=True))
+    whole = tuple(_view(term.film, term.camera, kind) for term in terms)
     moving = Moving(body, whole, clip.fps, data_names, frame)
     gaps = clip.gaps
     missing = f"In {len(gaps)} of {T} frames no keypoint was observed; smoothness alone fills them"
@@ -232,7 +183,7 @@ def video_fit(
         problem=problem,
         start=start,
         question=question,
-        measures=lambda values: video_measures(moving, problem, values),
+        measures=lambda values: video_measures(moving, values),
         priors=tuple(r.name for r in problem.residuals if r.name not in data_names),
         notes=(
             *clip.notes,
@@ -243,62 +194,136 @@ def video_fit(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _FilmTerm:
+    """A film in the problem of a frame: the residual of its keypoints, the blocks of what it
+    observed, and sigma as a share of the person's height.
+    """
+
+    film: Film
+    camera: Camera
+    residual: Residual
+    observed: tuple[Block, Block]
+    share: float
+
+    def values(self, frame: int) -> Values:
+        """What the film shows in one frame."""
+        pixels, confidence = (block.name for block in self.observed)
+        return {pixels: self.film.pixels[frame], confidence: self.film.confidence[frame]}
+
+
+def _film_terms(
+    clip: Clip,
+    body: SkinnedBody | TriangleBody,
+    kind: str,
+    evidence: Block,
+    sigma: float | None,
+    kernel: Kernel | None,
+) -> list[_FilmTerm]:
+    """The residuals of a clip's films, which count as often as the block `evidence` says."""
+    landmarks = body.landmark_names(kind)
+    points = body.landmark_points(kind, *(block.symbol for block in body.blocks()))
+    order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
+    films = [film.ordered(order) for film in clip.films]
+    terms = []
+    for film, height in zip(films, heights_of(films, body, kind), strict=True):
+        camera = Camera(film.name + "/")
+        own_sigma = usual_sigma(height, film.size) if sigma is None else sigma
+        own_kernel = kernel or scaled(geman_mcclure, OUTLIER_SHARE * height / own_sigma)
+        residual, blocks = camera_residual(points, camera, landmarks, own_sigma, own_kernel)
+        residual = replace(residual, weights=residual.weights * evidence.symbol)
+        terms.append(_FilmTerm(film, camera, residual, blocks, own_sigma / height))
+    return terms
+
+
+def _frame_problem(
+    body: SkinnedBody | TriangleBody,
+    terms: Sequence[_FilmTerm],
+    evidence: Block,
+    shared: Sequence[str],
+) -> Problem:
+    """The problem of one frame; priors of what is not shared count as often as its data."""
+    betas = body.blocks()[1]
+    of_pose, of_shape = pose_prior(body), shape_prior(body)
+    of_pose = replace(of_pose, weights=evidence.symbol)
+    if betas.name not in shared:
+        of_shape = replace(of_shape, weights=evidence.symbol)
+    unknown = [term for term in terms if term.film.K is None]
+    focal_priors = [focal_prior(term.camera, max(term.film.size)) for term in unknown]
+    return Problem(
+        [*(term.residual for term in terms), of_pose, of_shape, *focal_priors],
+        [block.name for block in (*body.blocks(), *(term.camera.focal for term in unknown))],
+        blocks=[*(block for term in terms for block in term.camera.blocks), evidence],
+    )
+
+
 def _view(film: Film, camera: Camera, kind: str, frame: int | slice = slice(None)) -> View:
     """What a camera observed in one frame, or in all of them."""
     pixels, confidence = film.pixels[frame], film.confidence[frame]
     return View(film.name, camera, film.size, kind, pixels, confidence)
 
 
-def frame_by_frame(
+def _frame_by_frame(
     frame: Problem,
     body: Body,
-    shares: Mapping[str, float],
-    each: Sequence[Values],
-    views: Sequence[Sequence[View]],
+    terms: Sequence[_FilmTerm],
+    kind: str,
+    common: Values,
     progress: Callable[[int, int], object],
 ) -> list[Values]:
     """The values of each frame; those without enough keypoints are as the last one with them.
 
-    `shares` are the sigmas of the residuals of keypoints, by their names, as shares of the height
-    of the person in the image. A frame by itself is placed in closed form, and fitted in stages
-    whose sigma falls to the last one. Raises BadObservation if no frame has enough keypoints to
-    place the body.
+    `common` are values of all frames, such as focal lengths, which are held here. A frame by itself
+    is placed in closed form, and fitted in stages whose sigma falls to the last one. Raises
+    BadObservation if no frame has enough keypoints to place the body.
     """
     own = [block.name for block in body.blocks()]
-    seen = [[v for v in some if (v.confidence > 0).sum() >= PLACING] for some in views]
+    T = len(terms[0].film.confidence)
+
+    def observed(t: int) -> Values:
+        values = body.start() | common
+        for term in terms:
+            values |= term.values(t)
+        return values
 
     def starts(t: int, before: Values | None) -> list[Values]:
-        if not seen[t]:
+        views = [_view(term.film, term.camera, kind, t) for term in terms]
+        views = [view for view in views if (view.confidence > 0).sum() >= FEWEST_PLACING]
+        if not views:
             return []
+        values = observed(t)
         if before is None:
-            return [each[t] | place_body(body, seen[t], each[t])]
-        return [each[t] | {name: before[name] for name in own}]
+            return [values | place_body(body, views, values)]
+        return [values | {name: before[name] for name in own}]
 
     stages = tuple(
-        SolveStage(weights={name: (share / wide) ** 2 for name, share in shares.items()})
-        for wide in COARSE
+        SolveStage(weights={term.residual.name: (term.share / wide) ** 2 for term in terms})
+        for wide in COARSE_SIGMAS
     )
-    ends = Tracker(frame, starts, stages, QUICK, ROUGHLY, EVERY).frames(len(each), progress)
+    frame = frame.freeing(*own)
+    tracker = Tracker(frame, starts, stages, QUICK_SOLVER, ROUGH_SOLVER, FROM_SCRATCH_EVERY)
+    ends = tracker.frames(T, progress)
     last = next((end for end in ends if end), None)
     if last is None:
         raise BadObservation(
-            f"no frame shows {PLACING} keypoints in one image, which a body needs to be placed"
+            f"no frame shows {FEWEST_PLACING} keypoints in one image, which a body needs to be "
+            "placed"
         )
     whole = []
-    for values, end in zip(each, ends, strict=True):
+    for t, end in enumerate(ends):
         last = end or last
-        whole.append(values | {name: last[name] for name in own})
+        whole.append(observed(t) | {name: last[name] for name in own})
     return whole
 
 
 def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
     """How high the person is in each film in px: the median over some frames."""
     T = len(films[0].confidence)
-    found: list[list[float]] = [[] for _ in films]
-    for t in np.unique(np.linspace(0, T - 1, min(T, LOOKED_AT)).round().astype(int)):
+    heights: list[list[float]] = [[] for _ in films]
+    for t in np.unique(np.linspace(0, T - 1, min(T, FRAMES_FOR_HEIGHT)).round().astype(int)):
         values, views = body.start(), []
         for i, film in enumerate(films):
-            if (film.confidence[t] > 0).sum() < PLACING:
+            if (film.confidence[t] > 0).sum() < FEWEST_PLACING:
                 continue
             camera = Camera(film.name + "/")
             values |= camera_values(camera, film.photograph(t))
@@ -306,10 +331,10 @@ def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
         with suppress(BadObservation, np.linalg.LinAlgError):
             values |= place_body(body, [view for _, view in views], values)
             for i, view in views:
-                found[i].append(height_in_view(body, view, values))
-    known = [float(np.median(some)) for some in found if some]
+                heights[i].append(height_in_view(body, view, values))
+    known = [float(np.median(some)) for some in heights if some]
     usual = float(np.median(known)) if known else 0.5 * min(films[0].size)
-    return [max(1.0, float(np.median(some))) if some else usual for some in found]
+    return [max(1.0, float(np.median(some))) if some else usual for some in heights]
 
 
 def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Array, Array]:
@@ -321,10 +346,10 @@ def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Ar
     columns = []
     for name in data:
         rows = problem.rows[name]
-        frames = len(next(one for one in problem.residuals if one.name == name).by_frame)
+        frames = len(next(term for term in problem.residuals if term.name == name).by_frame)
         columns.append(residual[rows].reshape(frames, -1))
-    found = np.concatenate(columns, axis=1)
-    return found, found != 0
+    errors = np.concatenate(columns, axis=1)
+    return errors, errors != 0
 
 
 def worth_of(problem: Problem, values: Values, data: Sequence[str]) -> float:
@@ -334,30 +359,34 @@ def worth_of(problem: Problem, values: Values, data: Sequence[str]) -> float:
 
 def landmarks_of(moving: Moving, values: Values) -> Array:
     """The landmarks of the body in every frame, (T, M, 3) m."""
-    at = (values[block.name] for block in moving.body.blocks())
-    return np.asarray(moving.body.landmark(moving.views[0].landmarks, *at))
+    numbers = (values[block.name] for block in moving.body.blocks())
+    return np.asarray(moving.body.landmark(moving.views[0].landmarks, *numbers))
 
 
-def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Measure, ...]:
-    """Mean reprojection errors, the acceleration of landmarks, stature, and the frames' worth."""
+def video_measures(moving: Moving, values: Values) -> tuple[Measure, ...]:
+    """Mean reprojection errors, the acceleration of landmarks, stature, and how many independent
+    frames the fit counted.
+    """
     places = landmarks_of(moving, values)
-    found = []
+    measures = []
     for view in moving.views:
         off = np.linalg.norm(view.camera.pixels(places, values) - view.observed, axis=-1)
         well = view.confidence > LEAST_CONFIDENCE
         mean = float(off[well].mean()) if well.any() else np.nan
-        found.append(Measure(f"reprojection, {view.name}", mean, "px", f"{well.sum()} {COUNTED}"))
+        measures.append(
+            Measure(f"reprojection, {view.name}", mean, "px", f"{well.sum()} {COUNTED}")
+        )
     betas = values[moving.body.blocks()[1].name]
     if betas.ndim == 1:
         tall = np.ptp(moving.body.vertices(betas=betas)[:, 1])
-        found.append(Measure("height at rest", 1e3 * float(tall), "mm"))
+        measures.append(Measure("height at rest", 1e3 * float(tall), "mm"))
     if len(places) > 2:
         change = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1)
-        found.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))
+        measures.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))
     if len(places) > 1:
-        worth = worth_of(problem, values, moving.data)
-        found.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
-    return (*found, largest_beta(betas))
+        worth = float(values[EVIDENCE][0]) * len(places)
+        measures.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
+    return (*measures, largest_beta(betas))
 
 
 def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) -> list[Between]:
@@ -366,15 +395,15 @@ def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) ->
     if order < 1:
         return []
     pose, _, trans = (block.name for block in body.blocks())
-    given = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
+    links = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
 
     def weighted(link: Between, frames: Frames) -> Residual:
-        one = link(frames)
-        return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
+        residual = link(frames)
+        return replace(residual, weights=evidence.symbol, blocks=(*residual.blocks, evidence))
 
     return [
         partial(weighted, smooth(what, sigma=sigma / clip.fps**order, order=order, name=name))
-        for what, sigma, name in given
+        for what, sigma, name in links
         if sigma is not None
     ]
 
@@ -399,8 +428,8 @@ def video_mean(
     own = moving.frame.freeing(trans, pose)
     framed = {name for name, block in setup.problem.known.items() if block.framed}
     counts = [(view.confidence > 0).sum(axis=1) for view in moving.views]
-    seen = np.flatnonzero(np.max(counts, axis=0) >= PLACING)
-    step = max(1, round(APART * moving.fps))
+    seen = np.flatnonzero(np.max(counts, axis=0) >= FEWEST_PLACING)
+    step = max(1, round(DRAW_INTERVAL * moving.fps))
     drawn = np.unique(np.append(seen[::step], seen[-1]))
     moved: dict[str, list[np.ndarray]] = {pose: [], trans: []}
     T = len(values[trans])
@@ -410,11 +439,11 @@ def video_mean(
         for name, differences in moved.items():
             differences.append(mean[name] - here[name])
         told(done + 1, len(drawn))
-    found = dict(values)
+    means = dict(values)
     times = np.arange(T)
     for name, differences in moved.items():
         each = np.reshape(differences, (len(drawn), -1)).T
-        whole = np.stack([np.interp(times, drawn, one) for one in each], axis=1)
-        whole = gaussian_filter1d(whole, BLUR * moving.fps, axis=0, mode="nearest")
-        found[name] = values[name] + whole.reshape(values[name].shape)
-    return found
+        whole = np.stack([np.interp(times, drawn, series) for series in each], axis=1)
+        whole = gaussian_filter1d(whole, BLUR_SD * moving.fps, axis=0, mode="nearest")
+        means[name] = values[name] + whole.reshape(values[name].shape)
+    return means

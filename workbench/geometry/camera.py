@@ -68,9 +68,9 @@ class Camera:
     def project(self, points: cs.MX) -> cs.MX:
         """World points (3, N) in metres -> pixels (2, N). Raises BadCamera for other input."""
         if not isinstance(points, cs.MX) or points.shape[0] != 3:
-            found = f"shape {points.shape}" if isinstance(points, cs.MX) else type(points).__name__
+            kind = f"shape {points.shape}" if isinstance(points, cs.MX) else type(points).__name__
             raise BadCamera(
-                f"a camera projects points (3, N), a CasADi matrix (MX), not one of {found}; "
+                f"a camera projects points (3, N), a CasADi matrix (MX), not one of {kind}; "
                 "numbers (N, 3) go to camera.pixels"
             )
         return self.image_of(self.seen(points))
@@ -102,19 +102,19 @@ class Camera:
         is no rotation or more than five coefficients, and NotNumbers for text and the like.
         """
         K, R, t = reals("K", K), reals("R", R), reals("t", t)
-        given = reals("distortion", distortion).ravel()
+        coefficients = reals("distortion", distortion).ravel()
         if K.shape != (3, 3) or R.shape != (3, 3) or t.shape != (3,):
             raise BadCamera(
                 f"a camera takes K (3, 3), R (3, 3) and t (3,), not {K.shape}, {R.shape} and "
                 f"{t.shape}"
             )
-        for name, array in (("K", K), ("R", R), ("t", t), ("distortion", given)):
+        for name, array in (("K", K), ("R", R), ("t", t), ("distortion", coefficients)):
             if not np.isfinite(array).all():
                 raise BadCamera(f"a camera needs finite numbers, but {name} is {array.tolist()}")
-        if given.size > 5:
+        if coefficients.size > 5:
             raise BadCamera(
                 f"a camera takes up to five distortion coefficients (k1 k2 p1 p2 k3), not "
-                f"{given.size}; the rational and thin-prism models are not supported"
+                f"{coefficients.size}; the rational and thin-prism models are not supported"
             )
         skew = max(abs(K[0, 1]), abs(K[1, 0])) > 1e-6 * K[0, 0]
         if skew or K[:2, :2].diagonal().min() <= 0 or not np.allclose(K[2], (0, 0, 1), atol=1e-6):
@@ -124,7 +124,7 @@ class Camera:
             )
         _check_rotation(R)
         k = np.zeros(5)
-        k[: given.size] = given
+        k[: coefficients.size] = coefficients
         numbers = (K[[0, 1], [0, 1]], K[:2, 2], k, vector_from_matrix(R), t.copy())
         return {block.name: n for block, n in zip(self.blocks, numbers, strict=True)}
 
@@ -179,10 +179,10 @@ def _check_rotation(R: Array) -> None:
 
 
 def _places(points: ArrayLike) -> Array:
-    found = reals("points", points)
-    if found.shape[-1:] != (3,):
-        raise BadCamera(f"a camera sees points of shape (..., 3), not {found.shape}")
-    return found
+    places = reals("points", points)
+    if places.shape[-1:] != (3,):
+        raise BadCamera(f"a camera sees points of shape (..., 3), not {places.shape}")
+    return places
 
 
 @cache

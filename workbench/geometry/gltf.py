@@ -37,12 +37,12 @@ class GlbDocument:
 
     def entry(self, key: str, index: Any) -> dict[str, Any]:
         """`key[index]`, an object. Raises ValueError if there is none."""
-        several = self.json.get(key)
-        there = isinstance(several, list) and type(index) is int and 0 <= index < len(several)
-        if not there or not isinstance(several, list) or not isinstance(several[index], dict):
-            raise ValueError(f"there is no {key}[{shown(index)}]")
-        found: dict[str, Any] = several[index]
-        return found
+        entries = self.json.get(key)
+        if isinstance(entries, list) and type(index) is int and 0 <= index < len(entries):
+            entry = entries[index]
+            if isinstance(entry, dict):
+                return entry
+        raise ValueError(f"there is no {key}[{shown(index)}]")
 
     def values(self, index: Any, kind: str, columns: int) -> Array:
         """The numbers (count, columns) of an accessor, sparse or not, normalized if it says so.
@@ -52,36 +52,36 @@ class GlbDocument:
         accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
         dtype, count = _dtype(accessor, kind, name), whole(accessor, "count")
         if "bufferView" in accessor:
-            found = self._view(accessor, dtype, count, columns, kind, name)
+            stored = self._view(accessor, dtype, count, columns, kind, name)
         elif "sparse" in accessor and count * columns <= MOST_ZEROS:
-            found = np.zeros((count, columns), dtype)
+            stored = np.zeros((count, columns), dtype)
         else:
             raise ValueError(
                 f"{name} says it holds {count:,} {kind} and has no bytes for them; of a file that "
                 "is compressed, as by Draco, export one that is not"
             )
         if "sparse" in accessor:
-            found = self._replaced(accessor["sparse"], found.copy(), kind, name)
+            stored = self._replaced(accessor["sparse"], stored.copy(), kind, name)
         with np.errstate(invalid="ignore"):
-            numbers = found.astype(np.float64)
+            numbers = stored.astype(np.float64)
         if accessor.get("normalized") is True and dtype.kind in "iu":
             numbers = np.maximum(numbers / np.iinfo(dtype).max, -1.0)
         return numbers
 
-    def _replaced(self, sparse: Any, found: NDArray[Any], kind: str, name: str) -> NDArray[Any]:
+    def _replaced(self, sparse: Any, numbers: NDArray[Any], kind: str, name: str) -> NDArray[Any]:
         """The numbers with some rows of their own, as a sparse accessor lists them."""
         if not isinstance(sparse, dict) or not isinstance(sparse.get("indices"), dict):
             raise ValueError(f"{name} is sparse and does not say where")
         if not isinstance(sparse.get("values"), dict):
             raise ValueError(f"{name} is sparse and does not say what")
-        many, places = whole(sparse, "count"), sparse["indices"]
-        unsigned = _dtype(places | {"type": "SCALAR"}, "SCALAR", name)
-        at = self._view(places, unsigned, many, 1, "SCALAR", name).astype(np.int64).ravel()
-        if many and not (at.min() >= 0 and at.max() < len(found)):
+        n_rows, indices = whole(sparse, "count"), sparse["indices"]
+        unsigned = _dtype(indices | {"type": "SCALAR"}, "SCALAR", name)
+        rows = self._view(indices, unsigned, n_rows, 1, "SCALAR", name).astype(np.int64).ravel()
+        if n_rows and not (rows.min() >= 0 and rows.max() < len(numbers)):
             raise ValueError(f"{name} is sparse and names rows that it does not have")
-        columns = found.shape[1]
-        found[at] = self._view(sparse["values"], found.dtype, many, columns, kind, name)
-        return found
+        columns = numbers.shape[1]
+        numbers[rows] = self._view(sparse["values"], numbers.dtype, n_rows, columns, kind, name)
+        return numbers
 
     def _view(
         self,
@@ -108,8 +108,7 @@ class GlbDocument:
         self.entry("buffers", index)
         if index >= len(self.buffers):
             raise ValueError(f"buffers[{index}] has no bytes in this file")
-        number: int = index
-        return self.buffers[number]
+        return self.buffers[int(index)]
 
 
 def _dtype(accessor: dict[str, Any], kind: str, name: str) -> np.dtype[Any]:
@@ -119,7 +118,8 @@ def _dtype(accessor: dict[str, Any], kind: str, name: str) -> np.dtype[Any]:
     return np.dtype(COMPONENTS[code])
 
 
-LOCAL = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}  # if not said
+# what a node does whose file does not say it
+IDENTITY = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}
 
 
 def local_motions(node: dict[str, Any], animated: Mapping[str, Array], count: int = 1) -> Array:
@@ -128,17 +128,17 @@ def local_motions(node: dict[str, Any], animated: Mapping[str, Array], count: in
     Those of its properties that are `animated` are (S, w).
     """
     if "matrix" in node and not animated:
-        one = _reals_of(node["matrix"], 16).reshape(4, 4).T
-        return np.broadcast_to(one, (count, 4, 4))
-    of = {k: animated.get(k, _reals_of(node.get(k, v), len(v))) for k, v in LOCAL.items()}
-    if not of["rotation"].any(axis=-1).all():
+        matrix = _reals_of(node["matrix"], 16).reshape(4, 4).T
+        return np.broadcast_to(matrix, (count, 4, 4))
+    parts = {k: animated.get(k, _reals_of(node.get(k, v), len(v))) for k, v in IDENTITY.items()}
+    if not parts["rotation"].any(axis=-1).all():
         raise ValueError("the rotation of a node is zero, and not a unit quaternion")
-    found = np.zeros((count, 4, 4))
+    motions = np.zeros((count, 4, 4))
     with np.errstate(all="ignore"):
-        found[:, :3, :3] = Rotation.from_quat(of["rotation"]).as_matrix()
-        found[:, :3, :3] *= of["scale"].reshape(-1, 1, 3)
-    found[:, :3, 3], found[:, 3, 3] = of["translation"], 1.0
-    return found
+        motions[:, :3, :3] = Rotation.from_quat(parts["rotation"]).as_matrix()
+        motions[:, :3, :3] *= parts["scale"].reshape(-1, 1, 3)
+    motions[:, :3, 3], motions[:, 3, 3] = parts["translation"], 1.0
+    return motions
 
 
 def skin_joints(document: GlbDocument, number: Any) -> tuple[list[int], Array | None]:
@@ -162,37 +162,37 @@ def skin_joints(document: GlbDocument, number: Any) -> tuple[list[int], Array | 
 
 def several(holder: dict[str, Any], key: str) -> list[dict[str, Any]]:
     """The objects of a list, which may be missing."""
-    found = holder.get(key, [])
-    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+    objects = holder.get(key, [])
+    if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
         raise ValueError(f"its {key} are no list of objects")
-    return found
+    return objects
 
 
 def children(holder: dict[str, Any], key: str) -> list[Any]:
     """The numbers of nodes in `holder[key]`, the last one first; empty if there is no such list."""
-    found = holder.get(key, [])
-    if not isinstance(found, list):
+    nodes = holder.get(key, [])
+    if not isinstance(nodes, list):
         raise ValueError(f"its {key} are no list of numbers")
-    return found[::-1]  # the last that waits comes first
+    return nodes[::-1]  # the last that waits comes first
 
 
 def whole(holder: dict[str, Any], key: str, otherwise: int | None = None) -> int:
     """A whole number from 0 on. Raises ValueError."""
-    found = holder.get(key, otherwise)
-    if type(found) is not int or not 0 <= found < 2**53:
-        raise ValueError(f"its {key} is {shown(found)}, but must be a whole number from 0")
-    return found
+    number = holder.get(key, otherwise)
+    if type(number) is not int or not 0 <= number < 2**53:
+        raise ValueError(f"its {key} is {shown(number)}, but must be a whole number from 0")
+    return number
 
 
-def _reals_of(given: Any, count: int) -> Array:
+def _reals_of(entry: Any, count: int) -> Array:
     """The numbers (count,) of a node's place. Raises ValueError."""
     try:
-        found = np.asarray(given, dtype=np.float64)
+        numbers = np.asarray(entry, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
-        found = np.zeros(0)
-    if found.shape != (count,):
-        raise ValueError(f"a node's place is {shown(given)}, but must be {count} numbers")
-    return found
+        numbers = np.zeros(0)
+    if numbers.shape != (count,):
+        raise ValueError(f"a node's place is {shown(entry)}, but must be {count} numbers")
+    return numbers
 
 
 MAGIC, JSON, BINARY = b"glTF", b"JSON", b"BIN\0"
@@ -219,31 +219,32 @@ def document_of(content: bytes, folder: Path | None = None) -> GlbDocument:
     version = json["asset"].get("version") if isinstance(json.get("asset"), dict) else None
     if content[:4] != MAGIC and not (isinstance(version, str) and version.startswith("2.")):
         raise ValueError(f"its asset says version {shown(version)}, and glTF 2.0 is read")
-    buffers, known = several(json, "buffers"), dict[Path, bytes]()
-    held = [_bytes(b, k, chunks, folder, known) for k, b in enumerate(buffers)]
-    return GlbDocument(json, held)
+    buffers, read = several(json, "buffers"), dict[Path, bytes]()
+    contents = [_buffer_bytes(b, k, chunks, folder, read) for k, b in enumerate(buffers)]
+    return GlbDocument(json, contents)
 
 
 def _chunks(content: bytes) -> dict[bytes, bytes]:
     """The parts of a .glb by their kind."""
     chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= len(content):
-        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
-        if at + 8 + length > len(content):
+    start = 12
+    while start + 8 <= len(content):
+        length = int.from_bytes(content[start : start + 4], "little")
+        kind = content[start + 4 : start + 8]
+        if start + 8 + length > len(content):
             raise ValueError(f"a part of {length:,} bytes is cut off")
         if kind in (JSON, BINARY):  # others are to be passed over
-            chunks.setdefault(kind, content[at + 8 : at + 8 + length])
-        at += 8 + length
+            chunks.setdefault(kind, content[start + 8 : start + 8 + length])
+        start += 8 + length
     return chunks
 
 
-def _bytes(
+def _buffer_bytes(
     buffer: dict[str, Any],
     number: int,
     chunks: dict[bytes, bytes],
     folder: Path | None,
-    known: dict[Path, bytes],
+    read: dict[Path, bytes],
 ) -> bytes:
     """What a buffer holds; `known` are the files beside this one that were read."""
     uri, name = buffer.get("uri"), f"buffers[{number}]"
@@ -251,7 +252,7 @@ def _bytes(
         return chunks.get(BINARY, b"") if number == 0 else b""
     head, _, text = uri.partition("base64,") if isinstance(uri, str) else ("", "", "")
     if not head.startswith("data:"):
-        return _bytes_beside(folder, uri, name, whole(buffer, "byteLength", 0), known)
+        return _bytes_beside(folder, uri, name, whole(buffer, "byteLength", 0), read)
     try:
         return base64.b64decode(text)
     except binascii.Error as error:
@@ -259,7 +260,7 @@ def _bytes(
 
 
 def _bytes_beside(
-    folder: Path | None, uri: Any, name: str, length: int, known: dict[Path, bytes]
+    folder: Path | None, uri: Any, name: str, length: int, read: dict[Path, bytes]
 ) -> bytes:
     """The bytes of the file that a URI names; each is read once, and all have one limit together.
 
@@ -285,22 +286,22 @@ def _bytes_beside(
         raise ValueError(
             f"{name} is in the file {shown(uri)}, which is not in the folder; keep both together"
         )
-    if path not in known:
+    if path not in read:
         try:
-            known[path] = bounded(path, MOST_BYTES - sum(map(len, known.values())))
+            read[path] = bounded(path, MOST_BYTES - sum(map(len, read.values())))
         except OSError as error:
             raise ValueError(f"{name} is in {shown(uri)}, which cannot be read") from error
-    if length > len(known[path]):
+    if length > len(read[path]):
         raise ValueError(
-            f"{name} has {length:,} bytes, and its file {shown(uri)} {len(known[path]):,}"
+            f"{name} has {length:,} bytes, and its file {shown(uri)} {len(read[path]):,}"
         )
-    return known[path]
+    return read[path]
 
 
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6  # modes of primitives; the others are lines
 FREE_BYTES = 2**28  # that all parts together may take, however small the file is
-PER_BYTE = 16  # further bytes that they may take for each byte of the file
-LEAST = 2**14  # bytes that a part counts as at least, for placing one takes time
+MOST_PER_BYTE = 16  # further bytes that they may take for each byte of the file
+LEAST_PART = 2**14  # bytes that a part counts as at least, for placing one takes time
 
 
 def parse_glb(content: bytes) -> tuple[Array, Index, Array | None, Index | None]:
@@ -311,21 +312,21 @@ def parse_glb(content: bytes) -> tuple[Array, Index, Array | None, Index | None]
     is (section 3.7.3.3). Raises ValueError (BadFile of its JSON) with what is wrong.
     """
     document = document_of(content)
-    places = _places(document)
+    places = _mesh_motions(document)
     vertices, faces = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)]
     textures = list[Array | None]()
-    count, room = 0, FREE_BYTES + PER_BYTE * len(content)
+    count, bytes_left = 0, FREE_BYTES + MOST_PER_BYTE * len(content)
     for number, mesh in enumerate(several(document.json, "meshes")):
         motions = places.get(number, [])
         for primitive in several(mesh, "primitives") if motions else []:
             positions, triangles = _part(document, primitive)
             uv = _texture(document, primitive, len(positions))
-            taken = positions.nbytes + triangles.nbytes + (0 if uv is None else uv.nbytes)
-            room -= len(motions) * max(taken, LEAST)
-            if room < 0:
+            n_bytes = positions.nbytes + triangles.nbytes + (0 if uv is None else uv.nbytes)
+            bytes_left -= len(motions) * max(n_bytes, LEAST_PART)
+            if bytes_left < 0:
                 raise ValueError(
                     "its scene shows the same parts again and again, so that all of them take more "
-                    f"than {PER_BYTE} times the file's {len(content):,} bytes"
+                    f"than {MOST_PER_BYTE} times the file's {len(content):,} bytes"
                 )
             for motion in motions:
                 if motion.ndim == 2:
@@ -351,7 +352,7 @@ def _texture(document: GlbDocument, primitive: dict[str, Any], count: int) -> Ar
     return uv if len(uv) == count and np.isfinite(uv).all() else None
 
 
-def _places(document: GlbDocument) -> dict[int, list[Array]]:
+def _mesh_motions(document: GlbDocument) -> dict[int, list[Array]]:
     """The motions to where the scene shows each mesh, in the order of the nodes' names.
 
     They are (4, 4), or those of the joints (K, 4, 4) of the skin that a node has.
@@ -360,23 +361,23 @@ def _places(document: GlbDocument) -> dict[int, list[Array]]:
     scene = document.entry("scenes", json.get("scene", 0)) if "scenes" in json else {}
     waiting = [(child, np.eye(4)) for child in children(scene, "nodes")]
     worlds: dict[int, Array] = {}
-    found: dict[int, list[tuple[str, int]]] = {}
+    users: dict[int, list[tuple[str, int]]] = {}
     while waiting:
         number, motion = waiting.pop()
         node = document.entry("nodes", number)
         if number in worlds:
             raise ValueError(f"nodes[{number}] hangs on two others, or on itself")
-        if not node.keys().isdisjoint({"matrix", *LOCAL}):
+        if not node.keys().isdisjoint({"matrix", *IDENTITY}):
             with np.errstate(all="ignore"):  # what is not finite then is refused as a vertex
                 motion = motion @ local_motions(node, {})[0]
         worlds[number] = motion
         waiting += [(child, motion) for child in children(node, "children")]
         if "mesh" in node:
             document.entry("meshes", node["mesh"])
-            found.setdefault(node["mesh"], []).append((str(node.get("name", number))[:100], number))
+            users.setdefault(node["mesh"], []).append((str(node.get("name", number))[:100], number))
     skins: dict[int, Array] = {}
-    shown_at: dict[int, list[Array]] = {mesh: [] for mesh in found}
-    for mesh, named in found.items():
+    shown_at: dict[int, list[Array]] = {mesh: [] for mesh in users}
+    for mesh, named in users.items():
         for _, number in sorted(named):
             skin = json["nodes"][number].get("skin")
             if skin is not None and (type(skin) is not int or skin not in skins):
@@ -422,8 +423,8 @@ def _skinned(
     moved = np.zeros_like(positions)
     with np.errstate(all="ignore"):
         for k, weight in zip(joints.astype(np.int64).T, weights.T, strict=True):
-            one = np.einsum("nij,nj->ni", motions[k, :3, :3], positions) + motions[k, :3, 3]
-            moved += weight[:, None] * one
+            posed = np.einsum("nij,nj->ni", motions[k, :3, :3], positions) + motions[k, :3, 3]
+            moved += weight[:, None] * posed
         return np.asarray(moved / weights.sum(axis=1, keepdims=True))
 
 

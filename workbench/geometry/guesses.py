@@ -40,23 +40,23 @@ class Units(dict[str, float]):
 
 
 UNITS = Units({"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "cmu": 0.0254 / 0.45})
-METRIC = ("m", "cm", "mm")
-USUAL = (*METRIC, "in")  # cmu is that of the BVH conversions of CMU's recordings
-POSSIBLE = (0.005, 100.0)  # m, in a unit that was given
-UNSURE = ": no standing person, so that this is uncertain; give the unit if it is wrong"
+METRIC_UNITS = ("m", "cm", "mm")
+USUAL_UNITS = (*METRIC_UNITS, "in")  # cmu is that of the BVH conversions of CMU's recordings
+POSSIBLE_SIZE = (0.005, 100.0)  # m, in a unit that was given
+UNSURE_UNIT = ": no standing person, so that this is uncertain; give the unit if it is wrong"
 
-USUAL_RATE, RATES = 30.0, (4.0, 2000.0)  # frames a second
-FRAMES = 400  # that are looked at
-TRIM = (0.2, 99.8)  # percentiles of points, between which an extent is measured
+USUAL_RATE, PLAUSIBLE_RATES = 30.0, (4.0, 2000.0)  # frames a second
+MOST_FRAMES = 400  # that are looked at
+EXTENT_PERCENTILES = (0.2, 99.8)  # percentiles of points, between which an extent is measured
 STANDING = (1.0, 2.3)  # m, from the floor to the head
-LONGER = 1.3  # times as tall as the thinnest side, or as another one, is clearly
-END = 0.06  # of the height: the feet at one end, the head at the other
-FLOOR = 0.1  # of the height, at either end
-ABOVE, WIDER = 11.0, 0.5  # what the two signs of a head count
-SURE = 0.2  # of their sum
+CLEARLY_LONGER = 1.3  # times as tall as the thinnest side, or as another one, is clearly
+END_SHARE = 0.06  # of the height: the feet at one end, the head at the other
+FLOOR_SHARE = 0.1  # of the height, at either end
+MEAN_COUNTS, FEET_COUNT = 11.0, 0.5  # what the two signs of a head count
+CLEAR_SIGN = 0.2  # of their sum
 # Of 160 simulated scans of poses from motion capture, by one camera and by four, 2 % would be
 # turned over wrongly and 88 % rightly; with a floor, a crate and loose points 1 % and 79 %; and
-# nearly all of these wrongly if FLOOR were 0.
+# nearly all of these wrongly if FLOOR_SHARE were 0.
 HEAD = ("head", "lfhd", "rfhd", "lbhd", "rbhd")
 FEET = ("foot", "toe", "ankle", "heel", "lank", "rank", "lhee", "rhee", "lmt5", "rmt5")
 
@@ -98,7 +98,7 @@ def check_given(unit: str | None, up: str | None) -> None:
 
 def extents(points: Array) -> Array:
     """How far the points of a usual frame extend along each axis, (3,). Raises BadFile."""
-    low, high = np.nanpercentile(_looked_at(points), TRIM, axis=1)
+    low, high = np.nanpercentile(_shown_frames(points), EXTENT_PERCENTILES, axis=1)
     return np.asarray(np.median(high - low, axis=0))
 
 
@@ -108,7 +108,7 @@ def unit_of(
     declared: str | None = None,
     *,
     sizes: Sizes = PERSON,
-    units: Sequence[str] = USUAL,
+    units: Sequence[str] = USUAL_UNITS,
     what: str = "the scan is {} long",
 ) -> tuple[str, str]:
     """The unit in which something is `size` long, and a sentence on why; `given` wins.
@@ -122,7 +122,7 @@ def unit_of(
     if given is not None:
         name = given if given in UNITS else f"{given} m"
         long = what.format(f"{size * UNITS[given]:.3g} m")
-        if not POSSIBLE[0] <= size * UNITS[given] <= POSSIBLE[1]:
+        if not POSSIBLE_SIZE[0] <= size * UNITS[given] <= POSSIBLE_SIZE[1]:
             raise BadFile(f"in {name} {long}, and no body is; units are {listed(UNITS)}")
         return given, f"the unit {name} was given; {long}"
     ranges, instead = (sizes.usual, *sizes.others), ""
@@ -132,9 +132,9 @@ def unit_of(
         long = what.format(f"{size * UNITS[declared]:,.4g} m")
         instead = f"; the file says {declared}, in which {long}, as no body is"
     for least, most in ranges:
-        for unit in units if (least, most) == sizes.usual else METRIC:
+        for unit in units if (least, most) == sizes.usual else METRIC_UNITS:
             if least <= size * UNITS[unit] <= most:
-                why = f", as {sizes.name} is" if (least, most) == sizes.usual else UNSURE
+                why = f", as {sizes.name} is" if (least, most) == sizes.usual else UNSURE_UNIT
                 long = what.format(f"{size * UNITS[unit]:.2f} m")
                 return unit, f"the unit is taken to be {unit}, in which {long}{why}{instead}"
     raise BadFile(
@@ -167,25 +167,29 @@ def up_of(
         return axis, f"the axis {axis} was given as up"
     if declared is not None:
         return declared, f"{declared} is up, as the format prescribes"
-    frames, sides = _looked_at(points), extents(points)
-    if (way := _to_head(frames, names)) is not None:
-        k = int(np.argmax(np.abs(way)))
-        axis = ("-" if way[k] < 0 else "") + "xyz"[k]
-        if axis in (*axes, "-y") and abs(way[k]) > LONGER * np.sort(np.abs(way))[1]:
+    frames, sides = _shown_frames(points), extents(points)
+    if (to_head := _to_head(frames, names)) is not None:
+        k = int(np.argmax(np.abs(to_head)))
+        axis = ("-" if to_head[k] < 0 else "") + "xyz"[k]
+        if axis in (*axes, "-y") and abs(to_head[k]) > CLEARLY_LONGER * np.sort(np.abs(to_head))[1]:
             return axis, f"{axis} is taken to be up, along which the head is above the feet"
     spread = np.median(np.nanstd(frames, axis=1), axis=0)
     if points.ndim == 3:
-        spread[1] *= LONGER  # a person who bends or lies down has y up, if nothing else is clear
+        # a person who bends or lies down has y up, if nothing else is clear
+        spread[1] *= CLEARLY_LONGER
     height = max(("xyz".index(axis) for axis in axes), key=lambda k: spread[k])
-    if not (STANDING[0] <= sides[height] <= STANDING[1] and sides[height] > LONGER * sides.min()):
+    tall = STANDING[0] <= sides[height] <= STANDING[1]
+    if not (tall and sides[height] > CLEARLY_LONGER * sides.min()):
         return "y", (
             f"y is taken to be up, for {what} is not of the form of a standing person, which would "
             "tell; give the axis if it is another"
         )
     upright = _upright(points, height) if points.ndim == 2 else np.inf
-    name = f"-{'xyz'[height]}" if upright < -SURE else "xyz"[height]
+    name = f"-{'xyz'[height]}" if upright < -CLEAR_SIGN else "xyz"[height]
     why = f"{name} is taken to be up: {what} is {sides[height]:.2f} m tall along it, as a person is"
-    return name, why if abs(upright) > SURE else f"{why}, but which end is the head is not clear"
+    if abs(upright) <= CLEAR_SIGN:
+        why += ", but which end is the head is not clear"
+    return name, why
 
 
 def rate_of(
@@ -212,18 +216,18 @@ def rate_of(
             "have; give it if it is another (--rate)"
         ]
     rate = declared[0]
-    if RATES[0] <= rate <= RATES[1]:
+    if PLAUSIBLE_RATES[0] <= rate <= PLAUSIBLE_RATES[1]:
         return rate, []
     return rate, [f"{rate:g} frames a second are unusual; give the rate if it is another (--rate)"]
 
 
-def _looked_at(points: Array) -> Array:
+def _shown_frames(points: Array) -> Array:
     """Some of the frames (T, M, 3) that show two points or more. Raises BadFile."""
     frames = points if points.ndim == 3 else points[None]
     shown = frames[np.isfinite(frames).all(axis=2).sum(axis=1) > 1]
     if not len(shown):
         raise BadFile("no frame shows two points")
-    return np.asarray(shown[:: max(1, len(shown) // FRAMES)])
+    return np.asarray(shown[:: max(1, len(shown) // MOST_FRAMES)])
 
 
 def _to_head(frames: Array, names: Sequence[str]) -> Array | None:
@@ -231,9 +235,9 @@ def _to_head(frames: Array, names: Sequence[str]) -> Array | None:
     plain = [name.lower() for name in names]
     ends = []
     for words in (HEAD, FEET):
-        own = [i for i, name in enumerate(plain) if any(word in name for word in words)]
-        places = frames[:, own]
-        if not own or not np.isfinite(places).any(axis=(0, 1)).all():
+        columns = [i for i, name in enumerate(plain) if any(word in name for word in words)]
+        places = frames[:, columns]
+        if not columns or not np.isfinite(places).any(axis=(0, 1)).all():
             return None
         ends.append(np.nanmedian(places.reshape(len(frames), -1, 3), axis=(0, 1)))
     return np.asarray(ends[0] - ends[1])
@@ -246,12 +250,14 @@ def _upright(cells: Array, axis: int) -> float:
     two sides of a head. A tenth of the height at either end does not count for the mean, so that a
     floor does not: it would make the end with the feet look like that with the head.
     """
-    low, high = np.percentile(cells[:, axis], TRIM)
+    low, high = np.percentile(cells[:, axis], EXTENT_PERCENTILES)
     heights = (cells[:, axis] - low) / (high - low)
     across = np.delete(cells, axis, axis=1)
     feet, head = (
         np.sqrt(across[end].var(axis=0).sum()) if end.sum() > 3 else (high - low) / 50
-        for end in (heights < END, heights > 1 - END)
+        for end in (heights < END_SHARE, heights > 1 - END_SHARE)
     )
-    body = heights[(heights > FLOOR) & (heights < 1 - FLOOR)]
-    return float(ABOVE * (body.mean() - 0.5) + WIDER * np.log(feet / head)) if len(body) else 0.0
+    body = heights[(heights > FLOOR_SHARE) & (heights < 1 - FLOOR_SHARE)]
+    if not len(body):
+        return 0.0
+    return float(MEAN_COUNTS * (body.mean() - 0.5) + FEET_COUNT * np.log(feet / head))

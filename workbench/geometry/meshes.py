@@ -141,8 +141,8 @@ def fitting_texture(faces: Index, uv: Array | None, uv_faces: Index | None) -> b
     """Whether these are texture coordinates (M, 2) and their numbers at the corners of faces."""
     if uv is None or uv_faces is None or uv.ndim != 2 or uv.shape[1] != 2:
         return False
-    there = uv_faces.shape == faces.shape and not ((uv_faces < 0) | (uv_faces >= len(uv))).any()
-    return there and bool(np.isfinite(uv).all())
+    numbered = uv_faces.shape == faces.shape and not ((uv_faces < 0) | (uv_faces >= len(uv))).any()
+    return numbered and bool(np.isfinite(uv).all())
 
 
 def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
@@ -156,7 +156,7 @@ def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
     to read.
     """
     path = Path(path)
-    parts = parsed_mesh(path, _known(path, READERS))
+    parts = parsed_mesh(path, _format_of(path, MESH_READERS))
     try:
         mesh = Mesh(*parts)
     except BadMesh as error:
@@ -227,7 +227,7 @@ def write_mesh(
     written, BadMesh for what is no mesh.
     """
     path = Path(path)
-    write = _known(path, WRITERS)
+    write = _format_of(path, MESH_WRITERS)
     mesh = Mesh.of(mesh, faces)
     if not len(mesh.vertices):
         raise BadMesh(f"there are no vertices to write to {path}")
@@ -236,7 +236,7 @@ def write_mesh(
     write_file(path, write(mesh))
 
 
-def _known(path: Path, formats: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:
+def _format_of(path: Path, formats: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:
     if path.suffix.lower() not in formats:
         raise BadFile(
             f"{path}: no mesh format is called {path.suffix!r}; there are {listed(formats)}"
@@ -318,7 +318,7 @@ def _coordinate(words: list[str]) -> tuple[float, float]:
 def _texture_corner(corner: str, so_far: int) -> int:
     """The texture coordinate of `vertex/texture/normal`, from 0; -1 where there is none."""
     number = corner.partition("/")[2].partition("/")[0]
-    if not number.lstrip("-").isdecimal() or len(number) > 15 or int(number) == 0:
+    if not number.removeprefix("-").isdecimal() or len(number) > 15 or int(number) == 0:
         return -1
     return int(number) - 1 if number[0] != "-" else max(so_far + int(number), -1)
 
@@ -384,18 +384,18 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
 
     sizes, properties, content = _ply_header(content)
     try:
-        found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
+        elements = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
     except ValueError as error:
         if "unexpected length" not in str(error):
             raise
         content, triangles = _triangulated(content, sizes, properties)
-        found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
-        found["faces"], sizes["face"] = triangles, len(triangles)
+        elements = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
+        elements["faces"], sizes["face"] = triangles, len(triangles)
     with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
-        vertices = np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
-        normals = found.get("vertex_normals")
+        vertices = np.asarray(elements.get("vertices", np.zeros((0, 3))), dtype=np.float64)
+        normals = elements.get("vertex_normals")
         normals = None if normals is None else np.asarray(normals, dtype=np.float64)
-    faces = np.asarray(found.get("faces", ()))
+    faces = np.asarray(elements.get("faces", ()))
     if not faces.size:
         faces = np.zeros((0, 3), dtype=np.int64)
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] < 3:
@@ -417,31 +417,32 @@ def _triangulated(
     head, _, body = content.partition(b"end_header\n")
     order: Literal["<", ">"] = "<" if b"binary_little" in head else ">"
     *before, last = properties
-    faces = properties.get("face", [])
-    lists = [k for k, one in enumerate(faces) if one[0] == "list"]
-    others = [one for name in before for one in properties[name]]
-    if last != "face" or len(lists) != 1 or any(one[0] == "list" for one in others):
+    face = properties.get("face", [])
+    lists = [k for k, words in enumerate(face) if words[0] == "list"]
+    others = [words for name in before for words in properties[name]]
+    if last != "face" or len(lists) != 1 or any(words[0] == "list" for words in others):
         raise ValueError("it is cut off, or has lists beside the corners of its faces")
-    kinds = [one[0] for one in (*others, *faces) if one[0] != "list"] + faces[lists[0]][1:3]
-    if unknown := [kind for kind in kinds if kind not in PLY_TYPES]:
+    _, count_type, corner_type, *_ = face[lists[0]]
+    kinds = [words[0] for words in (*others, *face) if words[0] != "list"]
+    if unknown := [kind for kind in (*kinds, count_type, corner_type) if kind not in PLY_TYPES]:
         raise ValueError(f"its header names the type {shown(unknown[0])}")
 
-    def wide(several: list[list[str]]) -> int:
-        return sum(PLY_TYPES[one[0]].itemsize for one in several)
+    def n_bytes(several: list[list[str]]) -> int:
+        return sum(PLY_TYPES[words[0]].itemsize for words in several)
 
-    at = start = sum(rows[name] * wide(properties[name]) for name in before)
-    first, rest = wide(faces[: lists[0]]), wide(faces[lists[0] + 1 :])
-    counts, corners = (PLY_TYPES[name].newbyteorder(order) for name in faces[lists[0]][1:3])
-    triangles = array("q")
+    first_face = sum(rows[name] * n_bytes(properties[name]) for name in before)
+    ahead, behind = n_bytes(face[: lists[0]]), n_bytes(face[lists[0] + 1 :])
+    counts, corners = (PLY_TYPES[name].newbyteorder(order) for name in (count_type, corner_type))
+    triangles, start = array("q"), first_face
     for _ in range(rows["face"]):
-        start += first
+        start += ahead
         k = int(np.frombuffer(body, counts, 1, start)[0])
         polygon = np.frombuffer(body, corners, k, start + counts.itemsize).tolist()
-        start += counts.itemsize + k * corners.itemsize + rest
+        start += counts.itemsize + k * corners.itemsize + behind
         if k < 3:
             raise ValueError("a face has at least 3 corners")
         triangles.extend(_fan(polygon))
-    without = head[: head.rindex(b"element face")] + b"end_header\n" + body[:at]
+    without = head[: head.rindex(b"element face")] + b"end_header\n" + body[:first_face]
     return without, np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
@@ -525,8 +526,8 @@ def parse_stl(content: bytes) -> tuple[Array, Index]:
     text = content.lstrip()[:5].lower() == b"solid"
     if text and content.lower().count(b"endsolid") > MOST_SOLIDS:
         raise ValueError(f"it holds more than {MOST_SOLIDS:,} solids")
-    found = _by_trimesh(load_stl, content)
-    parts = found.get("geometry", {"": found}).values()
+    scene = _by_trimesh(load_stl, content)
+    parts = scene.get("geometry", {"": scene}).values()
     with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
         vertices = np.concatenate([np.zeros((0, 3)), *(part["vertices"] for part in parts)])
     binary = len(content) == 84 + 50 * (len(vertices) // 3)
@@ -555,14 +556,14 @@ def _check_counts(vertices: Array, n_read: int, n_vertices: int, n_faces: int) -
         )
 
 
-READERS: dict[str, Callable[[bytes], Parts]] = {
+MESH_READERS: dict[str, Callable[[bytes], Parts]] = {
     ".obj": lambda content: parse_obj(text_lines(content)),
     ".ply": lambda content: parse_ply_and_normals(content)[:2],
     ".glb": parse_glb,
     ".stl": parse_stl,
     ".off": parse_off,
 }
-WRITERS: dict[str, Callable[[Mesh], bytes]] = {
+MESH_WRITERS: dict[str, Callable[[Mesh], bytes]] = {
     ".obj": lambda mesh: obj_text(mesh).encode(),
     ".ply": _write_ply,
     ".off": _write_off,
@@ -570,4 +571,4 @@ WRITERS: dict[str, Callable[[Mesh], bytes]] = {
     ".stl": _write_with_trimesh("stl"),
 }
 UNSHARED = (".stl",)  # what holds triangles, and no vertices that they share
-WITH_VERTEX_ORDER = tuple(sorted(READERS.keys() - set(UNSHARED)))
+WITH_VERTEX_ORDER = tuple(sorted(MESH_READERS.keys() - set(UNSHARED)))

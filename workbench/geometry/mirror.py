@@ -16,8 +16,8 @@ from workbench.errors import WorkbenchError
 
 REFLECTION = np.array([-1.0, 1.0, 1.0])  # what becomes of a position (x, y, z)
 AXIAL = np.array([1.0, -1.0, -1.0])  # what becomes of a rotation vector
-TRIED = 200  # faces that the first one is tried to be the mirror image of
-UNEVEN = 0.1  # of the mesh's spread: how far a vertex may be from its mirror image, in the mean
+MOST_TRIED = 200  # faces that the first one is tried to be the mirror image of
+MIRROR_TOLERANCE = 0.1  # of the mesh's spread: the mean distance of vertices from their images
 
 
 class NoMirror(WorkbenchError):
@@ -93,22 +93,22 @@ def find_mirror(vertices: Array, faces: Index) -> Index:
     while (mirror[faces] < 0).any():
         seed = int(np.argmax((mirror[faces] < 0).any(axis=1)))
         distances = np.linalg.norm(middles - middles[seed] * REFLECTION, axis=1)
-        found = next(
+        images = next(
             (
                 image
-                for other in np.argsort(distances, kind="stable")[:TRIED]
+                for other in np.argsort(distances, kind="stable")[:MOST_TRIED]
                 for turn in range(3)
                 if (image := _spread(faces[seed], np.roll(faces[other][::-1], turn), beyond))
                 and _fits(image, centred)
             ),
             None,
         )
-        if found is None:
+        if images is None:
             raise NoMirror(
                 f"no face can be the mirror image of face {seed}: the mesh is not connected alike "
                 "on both sides; train without symmetry"
             )
-        for vertex, opposite in found.items():
+        for vertex, opposite in images.items():
             mirror[vertex] = opposite
     mirror = np.where(mirror < 0, np.arange(len(mirror)), mirror)  # in no face
     if not np.array_equal(mirror[mirror], np.arange(len(mirror))):
@@ -120,29 +120,29 @@ def _spread(
     face: Index, image: Index, beyond: Mapping[tuple[int, int], int]
 ) -> dict[int, int] | None:
     """The images of all vertices that hang together with a face, or None where they disagree."""
-    found = dict(zip(map(int, face), map(int, image), strict=True))
+    images = dict(zip(map(int, face), map(int, image), strict=True))
     waiting = deque([tuple(map(int, face))])
     done = {frozenset(map(int, face))}
     while waiting:
         a, b, c = waiting.popleft()
-        if beyond.get((found[b], found[a])) != found[c]:
+        if beyond.get((images[b], images[a])) != images[c]:
             return None
         for p, q in ((b, a), (c, b), (a, c)):
-            across, other = beyond.get((p, q)), beyond.get((found[q], found[p]))
+            across, other = beyond.get((p, q)), beyond.get((images[q], images[p]))
             if (across is None) != (other is None):
                 return None
             if across is None or other is None:
                 continue
-            if found.setdefault(across, other) != other:
+            if images.setdefault(across, other) != other:
                 return None
             if frozenset((p, q, across)) not in done:
                 done.add(frozenset((p, q, across)))
                 waiting.append((p, q, across))
-    return found
+    return images
 
 
 def _fits(image: Mapping[int, int], centred: Array) -> bool:
-    here = np.fromiter(image.keys(), int)
-    there = np.fromiter(image.values(), int)
-    away = np.linalg.norm(centred[here] - centred[there] * REFLECTION, axis=1)
-    return bool(away.mean() < UNEVEN * np.linalg.norm(centred.std(axis=0)))
+    vertices = np.fromiter(image.keys(), int)
+    opposites = np.fromiter(image.values(), int)
+    distances = np.linalg.norm(centred[vertices] - centred[opposites] * REFLECTION, axis=1)
+    return bool(distances.mean() < MIRROR_TOLERANCE * np.linalg.norm(centred.std(axis=0)))

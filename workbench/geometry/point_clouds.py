@@ -63,16 +63,16 @@ class _Header:
     def places(self, names: tuple[str, ...]) -> list[int]:
         """Which fields have these names, if each is there once and one number; otherwise none."""
         named = [field[0] for field in self.fields]
-        found = [named.index(name) for name in names if named.count(name) == 1]
-        single = len(found) == len(names) and all(self.fields[k][2] == 1 for k in found)
-        return found if single else []
+        places = [named.index(name) for name in names if named.count(name) == 1]
+        single = len(places) == len(names) and all(self.fields[k][2] == 1 for k in places)
+        return places if single else []
 
-    def checked_bytes(self, there: int, most: float = np.inf) -> int:
+    def checked_bytes(self, present: int, most: float = np.inf) -> int:
         """Of all points in binary. Raises ValueError where fewer are there."""
         claimed = self.n_points * sum(self.sizes)
-        if claimed > min(there, most):
+        if claimed > min(present, most):
             raise ValueError(
-                f"its header claims {shown(self.n_points)} points, and there are {there:,} bytes "
+                f"its header claims {shown(self.n_points)} points, and there are {present:,} bytes "
                 "for them"
             )
         return claimed
@@ -83,16 +83,16 @@ def parse_pcd(content: bytes) -> PointCloudFile:
     header = _header(content)
     position, normal = header.places(POSITION), header.places(NORMAL)
     if not position:
-        found = ", ".join(shown(name) for name, *_ in header.fields[:10])
+        names = ", ".join(shown(name) for name, *_ in header.fields[:10])
         raise ValueError(
-            f"its points have no x, y and z, one number each, but {found or 'nothing'}"
+            f"its points have no x, y and z, one number each, but {names or 'nothing'}"
         )
     read = {"ascii": _in_text, "binary": _in_rows, "binary_compressed": _in_columns}[header.kind]
     with np.errstate(invalid="ignore"):  # NaN that signals is refused later, as other NaN
         columns = read(content, header, position + normal)
         numbers = np.column_stack(columns).astype(np.float64)
-    known = (*POSITION, *(NORMAL if normal else ()), PADDING)
-    unread = tuple(dict.fromkeys(name for name, *_ in header.fields if name not in known))
+    read_fields = (*POSITION, *(NORMAL if normal else ()), PADDING)
+    unread = tuple(dict.fromkeys(name for name, *_ in header.fields if name not in read_fields))
     points = np.ascontiguousarray(numbers[:, :3])
     return PointCloudFile(points, numbers[:, 3:] if normal else None, header.viewpoint, unread)
 
@@ -103,8 +103,8 @@ def _in_text(content: bytes, header: _Header, places: list[int]) -> list[NDArray
     lines = (line for line in text_lines(content[header.start :]) if line.strip())
     rows, numbers = list(islice(lines, 1)), np.zeros((0, len(places)))
     if rows:
-        some = islice(chain(rows, lines), min(header.n_points, len(content)) + 1)
-        numbers = np.loadtxt(some, usecols=firsts[places].tolist(), ndmin=2, comments=None)
+        points = islice(chain(rows, lines), min(header.n_points, len(content)) + 1)
+        numbers = np.loadtxt(points, usecols=firsts[places].tolist(), ndmin=2, comments=None)
     if len(numbers) != header.n_points:
         follow = "more" if len(numbers) > header.n_points else f"{len(numbers):,}"
         raise ValueError(f"its header says {header.n_points:,} POINTS, but {follow} follow")
@@ -143,72 +143,73 @@ def unpacked_lzf(packed: bytes, size: int) -> bytes:
     >>> unpacked_lzf(bytes([2, 97, 98, 99, 4 << 5, 2]), 9)
     b'abcabcabc'
     """
-    found, at, end = bytearray(), 0, len(packed)
-    while at < end and len(found) <= size:
-        control, at = packed[at], at + 1
+    unpacked, position, end = bytearray(), 0, len(packed)
+    while position < end and len(unpacked) <= size:
+        control, position = packed[position], position + 1
         if control < RUN:
-            found += packed[at : at + control + 1]
-            at += control + 1
+            unpacked += packed[position : position + control + 1]
+            position += control + 1
             continue
         length, distance = control >> 5, (control & 31) << 8
-        if at + (2 if length == 7 else 1) > end:
+        if position + (2 if length == 7 else 1) > end:
             break
         if length == 7:
-            length, at = length + packed[at], at + 1
-        distance, at = distance + packed[at] + 1, at + 1
-        if distance > len(found):
+            length, position = length + packed[position], position + 1
+        distance, position = distance + packed[position] + 1, position + 1
+        if distance > len(unpacked):
             raise ValueError("its compressed points repeat what is before their beginning")
         length += 2
-        piece = bytes(found[len(found) - distance :][:length])
-        found += (piece * (-(-length // distance)))[:length]  # it may repeat itself
-    if len(found) != size or at != end:
+        piece = bytes(unpacked[len(unpacked) - distance :][:length])
+        unpacked += (piece * (-(-length // distance)))[:length]  # it may repeat itself
+    if len(unpacked) != size or position != end:
         raise ValueError(f"its compressed points are not {size:,} bytes long")
-    return bytes(found)
+    return bytes(unpacked)
 
 
 def _header(content: bytes) -> _Header:
-    said: dict[str, list[str]] = {}
-    at = 0
-    while "DATA" not in said:
-        end = content.find(b"\n", at, LONGEST_HEADER)
+    header: dict[str, list[str]] = {}
+    start = 0
+    while "DATA" not in header:
+        end = content.find(b"\n", start, LONGEST_HEADER)
         if end < 0:
             raise ValueError("it has no header that ends in a line with DATA")
-        line, at = content[at:end].decode("latin1"), end + 1
+        line, start = content[start:end].decode("latin1"), end + 1
         match line.split():
             case []:
                 pass
             case [word, *_] if word.startswith("#"):
                 pass
-            case [word, *values] if word.isupper() and word not in said:
-                said[word] = values
+            case [word, *values] if word.isupper() and word not in header:
+                header[word] = values
             case _:
                 raise ValueError(f"its header says {shown(line)}")
-    kind = said["DATA"][0] if said["DATA"] else ""
+    kind = header["DATA"][0] if header["DATA"] else ""
     if kind not in KINDS:
         raise ValueError(f"its data are {shown(kind)}, which is none of {', '.join(KINDS)}")
-    return _Header(_fields(said), _count(said), _viewpoint(said.get("VIEWPOINT", [])), kind, at)
+    viewpoint = _viewpoint(header.get("VIEWPOINT", []))
+    return _Header(_fields(header), _count(header), viewpoint, kind, start)
 
 
-def _fields(said: dict[str, list[str]]) -> tuple[tuple[str, str, int], ...]:
-    names = said.get("FIELDS", [])
-    sizes, types = said.get("SIZE", []), said.get("TYPE", [])
-    counts = said.get("COUNT", ["1"] * len(names))
+def _fields(header: dict[str, list[str]]) -> tuple[tuple[str, str, int], ...]:
+    names = header.get("FIELDS", [])
+    sizes, types = header.get("SIZE", []), header.get("TYPE", [])
+    counts = header.get("COUNT", ["1"] * len(names))
     if not names or not len(names) == len(sizes) == len(types) == len(counts):
         raise ValueError(
             f"its header has {len(names)} FIELDS, {len(sizes)} SIZE, {len(types)} TYPE and "
             f"{len(counts)} COUNT, which should be as many"
         )
-    found = []
+    fields = []
     for name, size, kind, count in zip(names, sizes, types, counts, strict=True):
         if kind + size not in TYPES:
             raise ValueError(f"field {shown(name)} is of type {shown(kind)} and size {shown(size)}")
-        found.append((name, TYPES[kind + size], _whole(count, "COUNT")))
-    return tuple(found)
+        fields.append((name, TYPES[kind + size], _whole(count, "COUNT")))
+    return tuple(fields)
 
 
-def _count(said: dict[str, list[str]]) -> int:
-    sizes = [_whole(said[word][0], word) for word in ("WIDTH", "HEIGHT") if said.get(word)]
-    points = said.get("POINTS", [])
+def _count(header: dict[str, list[str]]) -> int:
+    sizes = [_whole(header[word][0], word) for word in ("WIDTH", "HEIGHT") if header.get(word)]
+    points = header.get("POINTS", [])
     if not points and len(sizes) < 2:
         raise ValueError("its header does not say how many POINTS there are")
     n_points = _whole(points[0], "POINTS") if points else sizes[0] * sizes[1]
@@ -247,7 +248,7 @@ def parse_xyz(content: bytes) -> tuple[Array, int]:
     Lines before the first point that hold no three numbers are passed over, at most 20. Between
     semicolons, a comma is a decimal point. Raises ValueError with what is wrong.
     """
-    lines = (_with_points(line) for line in text_lines(content) if line.strip())
+    lines = (_decimal_points(line) for line in text_lines(content) if line.strip())
     head = list(islice(lines, MOST_HEAD + 1))
     start = next((i for i, line in enumerate(head) if len(_leading_numbers(line)) >= 3), None)
     if start is None:
@@ -265,12 +266,12 @@ def parse_xyz(content: bytes) -> tuple[Array, int]:
     return np.asarray(numbers, dtype=np.float64), len(words)
 
 
-def _with_points(line: str) -> str:
+def _decimal_points(line: str) -> str:
     return line.replace(",", ".") if line.count(";") > 1 else line
 
 
 def _separator(line: str) -> str | None:
-    return next((one for one in SEPARATORS if one in line), None)
+    return next((mark for mark in SEPARATORS if mark in line), None)
 
 
 def _words(line: str) -> list[str]:
@@ -280,10 +281,10 @@ def _words(line: str) -> list[str]:
 
 def _leading_numbers(line: str) -> list[float]:
     """The numbers with which a line begins; nothing if it is a comment."""
-    found: list[float] = []
+    numbers: list[float] = []
     for word in _words(line):
         try:
-            found.append(float(word))
+            numbers.append(float(word))
         except ValueError:
             break
-    return found
+    return numbers

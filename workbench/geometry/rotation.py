@@ -85,8 +85,8 @@ CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
 
 def crossed(w: Array) -> Array:
     """The matrix [w]x (..., 3, 3) of the cross product v -> w x v."""
-    found: Array = w.reshape(-1, 3) @ CROSS
-    return found.reshape(*w.shape, 3)
+    matrices: Array = w.reshape(-1, 3) @ CROSS
+    return matrices.reshape(*w.shape, 3)
 
 
 def matrix_from_vector(w: ArrayLike) -> Array:
@@ -125,10 +125,10 @@ def _angles(w: Array) -> tuple[Array, Array, Array, Array]:
 
 def _about(n: Array, unit: Array, cross: Array, outer: Array) -> Array:
     """unit I + cross [n]x + outer n n', (..., 3, 3), for axes n (..., 3)."""
-    found = cross[..., None, None] * crossed(n)
-    found += (outer[..., None] * n)[..., :, None] * n[..., None, :]
-    found.reshape(*n.shape[:-1], 9)[..., ::4] += unit[..., None]
-    return found
+    matrices = cross[..., None, None] * crossed(n)
+    matrices += (outer[..., None] * n)[..., :, None] * n[..., None, :]
+    matrices.reshape(*n.shape[:-1], 9)[..., ::4] += unit[..., None]
+    return matrices
 
 
 def inverse_left_jacobian(w: ArrayLike) -> Array:

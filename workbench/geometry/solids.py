@@ -54,8 +54,8 @@ def mesh_edges(triangles: Index) -> Index:
 
 def lengths(vertices: Array, pairs: Index) -> Array:
     """The lengths (E,) m of edges (E, 2)."""
-    found: Array = np.linalg.norm(vertices[pairs[:, 1]] - vertices[pairs[:, 0]], axis=1)
-    return found
+    result: Array = np.linalg.norm(vertices[pairs[:, 1]] - vertices[pairs[:, 0]], axis=1)
+    return result
 
 
 def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.SuperLU:

@@ -43,22 +43,23 @@ class TriangleTree:
         """The order in which a mesh is split where its vertices are now."""
         F = len(faces)
         halvings = max(0, (-(-F // WIDE) - 1).bit_length())
-        each = -(-F // 2**halvings)
-        middles = np.full((2**halvings * each, 3), np.inf)
+        per_leaf = -(-F // 2**halvings)
+        middles = np.full((2**halvings * per_leaf, 3), np.inf)
         middles[:F] = vertices[faces].mean(axis=1)
         order = np.arange(len(middles))[None]
         for _ in range(halvings):
-            here = middles[order]
-            low, high = here.min(axis=1), np.where(np.isfinite(here), here, -np.inf).max(axis=1)
+            grouped = middles[order]
+            low = grouped.min(axis=1)
+            high = np.where(np.isfinite(grouped), grouped, -np.inf).max(axis=1)
             with np.errstate(invalid="ignore"):  # a group of no triangles
                 axis = np.argmax(high - low, axis=1)
-            along = np.take_along_axis(here, axis[:, None, None], axis=2)[..., 0]
+            along = np.take_along_axis(grouped, axis[:, None, None], axis=2)[..., 0]
             half = order.shape[1] // 2
             split = np.argpartition(along, half, axis=1)
             order = np.take_along_axis(order, split, axis=1).reshape(-1, half)
         order = np.sort(order, axis=1)
         leaves = np.full((len(order), WIDE), NONE)
-        leaves[:, :each] = np.where(order < F, order, NONE)
+        leaves[:, :per_leaf] = np.where(order < F, order, NONE)
         return TriangleTree(faces, len(vertices), leaves)
 
     @cached_property
@@ -72,9 +73,9 @@ class TriangleTree:
     @cached_property
     def lanes(self) -> Index:
         """Where each face is in `leaves` when that is flat, (F,)."""
-        where, there = np.empty(len(self.faces), np.int64), self.leaves.ravel() != NONE
-        where[self.leaves.ravel()[there]] = np.flatnonzero(there)
-        return where
+        lanes, filled = np.empty(len(self.faces), np.int64), self.leaves.ravel() != NONE
+        lanes[self.leaves.ravel()[filled]] = np.flatnonzero(filled)
+        return lanes
 
     @cached_property
     def rising(self) -> Index:
@@ -127,7 +128,7 @@ class MeshAdjacency:
 ROWS = 18  # numbers of a triangle: corners a, b, c (9), 1 / |edge|^2 of ab, ac, bc (3), slopes (6)
 FAR = 1e150  # m: where there are no triangles; its square is still finite
 TINY = 1e-300  # m^2: the square of an edge that counts as a point
-MARGIN = 1e-14  # of the largest coordinate: boxes are wider by so much, more than rounding is
+BOX_MARGIN = 1e-14  # of the largest coordinate: boxes are wider by so much, more than rounding is
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +157,8 @@ class TreeBoxes:
     @staticmethod
     def of(order: TriangleTree, vertices: Array) -> TreeBoxes:
         """The boxes around vertices (N, 3) m."""
-        there = order.leaves != NONE
-        corners = np.where(there, order.ends.T[:, order.leaves], 0)  # (3, L, WIDE)
+        filled = order.leaves != NONE
+        corners = np.where(filled, order.ends.T[:, order.leaves], 0)  # (3, L, WIDE)
         a, b, c = (np.ascontiguousarray(vertices.T)[:, corner] for corner in corners)
         u, v, w = b - a, c - a, c - b
         n = _cross(u, v)
@@ -170,9 +171,9 @@ class TreeBoxes:
             g, h = (np.where(flat, 0, _cross(*sides) / area) for sides in ((v, n), (n, u)))
         triangles = np.empty((len(order.leaves), ROWS, WIDE))
         for row, values in enumerate([*a, *b, *c, *inverses, *g, *h]):
-            triangles[:, row] = np.where(there, values, FAR if row < 9 else 0)
-        low = np.where(there, np.minimum(np.minimum(a, b), c), FAR).min(axis=2)
-        high = np.where(there, np.maximum(np.maximum(a, b), c), -FAR).max(axis=2)
+            triangles[:, row] = np.where(filled, values, FAR if row < 9 else 0)
+        low = np.where(filled, np.minimum(np.minimum(a, b), c), FAR).min(axis=2)
+        high = np.where(filled, np.maximum(np.maximum(a, b), c), -FAR).max(axis=2)
         wide = widening(vertices)
         nodes = _nodes(order.levels, low - wide, high + wide)
         even = (order.rising[:, 1] - order.rising[:, 0]) % 3 == 1
@@ -190,7 +191,7 @@ class TreeBoxes:
 
 def widening(vertices: Array) -> float:
     """By how much boxes are wider than what is in them, m."""
-    return float(MARGIN * np.abs(vertices).max())
+    return float(BOX_MARGIN * np.abs(vertices).max())
 
 
 def _by_face(order: TriangleTree, values: Array) -> Array:
@@ -200,14 +201,14 @@ def _by_face(order: TriangleTree, values: Array) -> Array:
 
 def _nodes(levels: tuple[int, ...], low: Array, high: Array) -> Array:
     """The boxes of the children of all nodes, from those of the leaves, (3, L) both."""
-    found: list[Array] = []
+    boxes: list[Array] = []
     for count in reversed(levels[:-1]):
         missing = ((0, 0), (0, count * WIDE - low.shape[1]))
         low = np.pad(low, missing, constant_values=FAR).reshape(3, count, WIDE)
         high = np.pad(high, missing, constant_values=-FAR).reshape(3, count, WIDE)
-        found.insert(0, np.concatenate([low, high]).transpose(1, 0, 2))
+        boxes.insert(0, np.concatenate([low, high]).transpose(1, 0, 2))
         low, high = low.min(axis=2), high.max(axis=2)
-    return np.ascontiguousarray(np.concatenate(found))
+    return np.ascontiguousarray(np.concatenate(boxes))
 
 
 def dot(x: Array | list[Array], y: Array | list[Array]) -> Array:
@@ -221,8 +222,8 @@ def _cross(x: Array, y: Array) -> Array:
     )
 
 
-TOGETHER = 2048  # points that descend together
-MOST = 8192  # pairs of a point and a node that are looked at together
+POINTS_AT_ONCE = 2048  # points that descend together
+MOST_PAIRS = 8192  # pairs of a point and a node that are looked at together
 SHRINK = 1 - 1e-14  # of the distance to a box, so that rounding hides no triangle
 # Which corners of a, b, c a candidate lies between: a, b, c, ab, ac, bc, and the inside.
 BETWEEN = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]])
@@ -275,16 +276,16 @@ class SearchBackend:
     search: Callable[[TreeBoxes, Query], SearchResult]
 
 
-def by_numpy(boxes: TreeBoxes, asked: Query) -> SearchResult:
+def by_numpy(boxes: TreeBoxes, query: Query) -> SearchResult:
     """The closest triangle of each point, and the place in it."""
-    M = len(asked.points)
-    search = _Search(boxes, asked, np.full(M, asked.within**2), np.full(M, len(boxes.order.faces)))
-    for first in range(0, M, TOGETHER):
-        search.run(np.arange(first, min(first + TOGETHER, M)))
+    M = len(query.points)
+    search = _Search(boxes, query, np.full(M, query.within**2), np.full(M, len(boxes.order.faces)))
+    for first in range(0, M, POINTS_AT_ONCE):
+        search.run(np.arange(first, min(first + POINTS_AT_ONCE, M)))
     faces = np.where(search.faces < len(boxes.order.faces), search.faces, NONE)
-    shares, normals, some = np.zeros((M, 3)), np.zeros((M, 3)), np.flatnonzero(faces != NONE)
-    shares[some] = _shares(boxes, faces[some], asked.points[some])
-    normals[some] = _normals(boxes, faces[some], shares[some])
+    shares, normals, near = np.zeros((M, 3)), np.zeros((M, 3)), np.flatnonzero(faces != NONE)
+    shares[near] = _shares(boxes, faces[near], query.points[near])
+    normals[near] = _normals(boxes, faces[near], shares[near])
     return SearchResult(faces, shares, search.squares, normals)
 
 
@@ -293,7 +294,7 @@ class _Search:
     """The best found so far: squared distances (M,) and faces (M,), which change."""
 
     boxes: TreeBoxes
-    asked: Query
+    query: Query
     squares: Array
     faces: Index
 
@@ -310,9 +311,9 @@ class _Search:
             level, points, nodes, squares = waiting.pop()
             near = squares <= self.squares[points]
             points, nodes = points[near], nodes[near]
-            if len(points) > MOST:
-                for part in range(0, len(points), MOST):
-                    chosen = slice(part, part + MOST)
+            if len(points) > MOST_PAIRS:
+                for part in range(0, len(points), MOST_PAIRS):
+                    chosen = slice(part, part + MOST_PAIRS)
                     waiting.append((level, points[chosen], nodes[chosen], squares[near][chosen]))
                 continue
             if not len(points):
@@ -332,23 +333,23 @@ class _Search:
 
     def _to_children(self, points: Index, nodes: Index) -> Array:
         """Squared distances (n, WIDE) to the boxes of a node's children, rounded down."""
-        sides, p = self.boxes.nodes[nodes], self.asked.points[points]
-        out = [
+        sides, p = self.boxes.nodes[nodes], self.query.points[points]
+        outside = [
             np.maximum(np.maximum(sides[:, k] - p[:, k, None], p[:, k, None] - sides[:, k + 3]), 0)
             for k in range(3)
         ]
-        return np.asarray(dot(out, out) * SHRINK)
+        return np.asarray(dot(outside, outside) * SHRINK)
 
     def _visit(self, points: Index, leaves: Index) -> None:
         """Compare the triangles of leaves with the best so far."""
-        p = self.asked.points[points]
+        p = self.query.points[points]
         rows = self.boxes.triangles[leaves].transpose(1, 0, 2)
         squares = np.minimum.reduce(_candidates(rows, p.T[:, :, None])[0])
         numbers = self.boxes.order.leaves[leaves]
         counts: Mask = numbers != NONE
-        if self.asked.normals is not None:
-            n, q = self.boxes.normals[numbers], self.asked.normals[points][:, None]
-            counts &= dot(np.moveaxis(n, -1, 0), np.moveaxis(q, -1, 0)) >= self.asked.facing
+        if self.query.normals is not None:
+            n, q = self.boxes.normals[numbers], self.query.normals[points][:, None]
+            counts &= dot(np.moveaxis(n, -1, 0), np.moveaxis(q, -1, 0)) >= self.query.facing
         row, lane = np.nonzero(counts & (squares <= self.squares[points][:, None]))
         squares, numbers, points = squares[row, lane], numbers[row, lane], points[row]
         order = np.lexsort((numbers, squares, points))
@@ -368,19 +369,19 @@ def _candidates(rows: Array, p: Array) -> tuple[list[Array], list[Array]]:
     corners, inverses, slopes = rows[:9].reshape(3, 3, *rows.shape[1:]), rows[9:12], rows[12:]
     a, b, c = corners
     ap, bp, cp = p - a, p - b, p - c
-    found, places = [dot(ap, ap), dot(bp, bp), dot(cp, cp)], []
+    squares, places = [dot(ap, ap), dot(bp, bp), dot(cp, cp)], []
     for start, edge, inverse in zip((ap, ap, bp), (b - a, c - a, c - b), inverses, strict=True):
         t = dot(start, edge) * inverse
         away = start - t * edge
-        found.append(np.where((t > 0) & (t < 1), dot(away, away), np.inf))
+        squares.append(np.where((t > 0) & (t < 1), dot(away, away), np.inf))
         places.append(t)
     v, w, away = np.zeros_like(t), np.zeros_like(t), ap
     for _ in range(2):  # a second time, as the first is inexact in a thin triangle
         more_v, more_w = dot(away, slopes[:3]), dot(away, slopes[3:])
         v, w = v + more_v, w + more_w
         away = (away - more_v * (b - a)) - more_w * (c - a)
-    found.append(np.where((v > 0) & (w > 0) & ((1 - v) - w > 0), dot(away, away), np.inf))
-    return found, [v, w, *places]
+    squares.append(np.where((v > 0) & (w > 0) & ((1 - v) - w > 0), dot(away, away), np.inf))
+    return squares, [v, w, *places]
 
 
 def _shares(boxes: TreeBoxes, faces: Index, points: Array) -> Array:
@@ -392,30 +393,31 @@ def _shares(boxes: TreeBoxes, faces: Index, points: Array) -> Array:
     a = np.choose(kind, [all_, none, none, 1 - ab, 1 - ac, none, (1 - v) - w])
     b = np.choose(kind, [none, all_, none, ab, none, 1 - bc, v])
     c = np.choose(kind, [none, none, all_, none, ac, bc, w])
-    found = np.empty((len(faces), 3))
-    np.put_along_axis(found, boxes.order.rising[faces], np.stack([a, b, c], axis=1), axis=1)
-    return found
+    shares = np.empty((len(faces), 3))
+    np.put_along_axis(shares, boxes.order.rising[faces], np.stack([a, b, c], axis=1), axis=1)
+    return shares
 
 
 def _normals(boxes: TreeBoxes, faces: Index, shares: Array) -> Array:
     """The sum of the normals of all faces that meet at places in these faces, (n, 3)."""
-    features, found = boxes.order.features, boxes.normals[faces]
+    features, normals = boxes.order.features, boxes.normals[faces]
     corners = (shares > 0).sum(axis=1)
     for kind in (1, 2):  # at a vertex, on an edge
-        here = np.flatnonzero(corners == kind)
-        one = np.argmax(shares[here], axis=1) if kind == 1 else np.argmin(shares[here], axis=1)
+        chosen = np.flatnonzero(corners == kind)
+        pick = np.argmax if kind == 1 else np.argmin
+        corner = pick(shares[chosen], axis=1)
         table = features.n_edges + boxes.order.faces if kind == 1 else features.edges
-        which = table[faces[here], one]
-        first, counts = features.starts[which], np.diff(features.starts)[which]
-        rows = np.repeat(np.arange(len(here)), counts)
+        feature = table[faces[chosen], corner]
+        first, counts = features.starts[feature], np.diff(features.starts)[feature]
+        rows = np.repeat(np.arange(len(chosen)), counts)
         within = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
         around = features.corners[first[rows] + within]
         n = boxes.normals[around // 3]
         if kind == 1:
             n = n * boxes.angles.ravel()[around][:, None]
         for axis in range(3):
-            found[here, axis] = np.bincount(rows, n[:, axis], minlength=len(here))
-    return found
+            normals[chosen, axis] = np.bincount(rows, n[:, axis], minlength=len(chosen))
+    return normals
 
 
 IN_NUMPY = SearchBackend(TreeBoxes.of, by_numpy)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 NAME = "surface-tree"
 EXACT = ("-O3", "-ffp-contract=off", "-fno-math-errno")  # the rounding of NumPy, loops as vectors
-TRIED = 100  # triangles and points that a library is tried on
+N_TRIED = 100  # triangles and points that a library is tried on
 
 Word = NDArray[np.generic] | int | float | None
 
@@ -53,8 +53,8 @@ def quickest() -> SearchBackend:
 def compiled() -> SearchBackend | None:
     """The search by compiled code, loaded once per process; None where there is no compiler."""
     source = source_beside(__package__, "surface_tree.c")
-    found = library_or_none(NAME, source, _agrees, "closest points are found by NumPy", EXACT)
-    return None if found is None else _backend(found)
+    library = library_or_none(NAME, source, _agrees, "closest points are found by NumPy", EXACT)
+    return None if library is None else _backend(library)
 
 
 def _backend(library: ctypes.CDLL) -> SearchBackend:
@@ -74,54 +74,54 @@ def _backend(library: ctypes.CDLL) -> SearchBackend:
         run("enclose", len(levels), counts, triangles, widening(vertices), nodes)
         return TreeBoxes(order, vertices, triangles, nodes, normals, areas, turns)
 
-    def search(boxes: TreeBoxes, asked: Query) -> SearchResult:
-        order, M = boxes.order, len(asked.points)
-        found = SearchResult(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
+    def search(boxes: TreeBoxes, query: Query) -> SearchResult:
+        order, M = boxes.order, len(query.points)
+        best = SearchResult(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
         offsets, features = np.cumsum((0, *order.levels), dtype=np.intp), order.features
         run(
             "closest",
-            *(M, asked.points, asked.normals, float(asked.within) ** 2, float(asked.facing)),
+            *(M, query.points, query.normals, float(query.within) ** 2, float(query.facing)),
             *(len(order.levels), offsets, order.leaves, boxes.triangles, boxes.nodes),
             *(boxes.normals, order.rising, order.faces, features.edges, features.n_edges),
             *(features.starts, features.corners, boxes.angles, len(order.faces)),
-            *(found.faces, found.shares, found.squares, found.normals),
+            *(best.faces, best.shares, best.squares, best.normals),
         )
-        return found
+        return best
 
     return SearchBackend(boxes, search)
 
 
-def _word(given: Word) -> ctypes.c_double | ctypes.c_ssize_t:
-    if isinstance(given, float):
-        return ctypes.c_double(given)
-    if isinstance(given, np.ndarray):
-        assert given.flags.c_contiguous
-        return ctypes.c_ssize_t(given.ctypes.data)
-    return ctypes.c_ssize_t(given or 0)
+def _word(word: Word) -> ctypes.c_double | ctypes.c_ssize_t:
+    if isinstance(word, float):
+        return ctypes.c_double(word)
+    if isinstance(word, np.ndarray):
+        assert word.flags.c_contiguous
+        return ctypes.c_ssize_t(word.ctypes.data)
+    return ctypes.c_ssize_t(word or 0)
 
 
 def _agrees(library: ctypes.CDLL) -> bool:
     """Whether the library says what NumPy says, about a few random triangles, some of them flat."""
-    rng, way = np.random.default_rng(0), _backend(library)
-    vertices = rng.standard_normal((TRIED // 2, 3))
-    faces = rng.integers(TRIED // 2, size=(TRIED, 3))
+    rng, backend = np.random.default_rng(0), _backend(library)
+    vertices = rng.standard_normal((N_TRIED // 2, 3))
+    faces = rng.integers(N_TRIED // 2, size=(N_TRIED, 3))
     order = TriangleTree.of(vertices, np.concatenate([faces, faces[::7, [1, 2, 0]]]))
-    boxes, expected = way.boxes(order, vertices), IN_NUMPY.boxes(order, vertices)
-    points, normals = rng.standard_normal((2, TRIED, 3))
+    boxes, expected = backend.boxes(order, vertices), IN_NUMPY.boxes(order, vertices)
+    points, normals = rng.standard_normal((2, N_TRIED, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    tried = (Query(points, 1.0, None, 0.0), Query(points, np.inf, normals, 0.5))
+    queries = (Query(points, 1.0, None, 0.0), Query(points, np.inf, normals, 0.5))
     answers: list[tuple[Any, Any]] = [(boxes, expected)]
-    answers += [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
+    answers += [(backend.search(boxes, q), IN_NUMPY.search(expected, q)) for q in queries]
     return all(
-        np.array_equal(getattr(got, field.name), getattr(right, field.name))
-        for got, right in answers
-        for field in fields(right)
+        np.array_equal(getattr(ours, field.name), getattr(theirs, field.name))
+        for ours, theirs in answers
+        for field in fields(theirs)
         if field.name != "order"
     )
 
 
 FARTHEST = 1e70  # m: no coordinate is larger, so that products of four do not overflow
-CANCELLED = 1e-9  # a sum of unit normals that is shorter says nothing
+SHORTEST_NORMAL = 1e-9  # a sum of unit normals that is shorter says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,14 +167,14 @@ class SurfaceTree:
         self,
         mesh: Mesh | trimesh.Trimesh | Array,
         faces: Index | None = None,
-        way: Callable[[], SearchBackend] = quickest,
+        find_backend: Callable[[], SearchBackend] = quickest,
     ) -> None:
         mesh = Mesh.of(mesh, faces)
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
-        vertices = _copied(mesh.vertices)
-        self._way = way  # a function, as a loaded library cannot be pickled
-        self._boxes = way().boxes(TriangleTree.of(vertices, mesh.faces), vertices)
+        vertices = _checked_copy(mesh.vertices)
+        self._find_backend = find_backend  # a function, as a loaded library cannot be pickled
+        self._boxes = find_backend().boxes(TriangleTree.of(vertices, mesh.faces), vertices)
 
     def moved(self, vertices: Array) -> SurfaceTree:
         """The same triangles with vertices (N, 3) m elsewhere: boxes refitted, no new tree.
@@ -184,11 +184,11 @@ class SurfaceTree:
         are not finite.
         """
         order = self._boxes.order
-        new = _copied(Mesh.of(vertices, order.faces[:0]).vertices)
+        new = _checked_copy(Mesh.of(vertices, order.faces[:0]).vertices)
         if len(new) != order.n_vertices:
             raise BadMesh(f"{len(new)} vertices cannot take the place of {order.n_vertices}")
         tree = object.__new__(SurfaceTree)
-        tree._way, tree._boxes = self._way, self._way().boxes(order, new)
+        tree._find_backend, tree._boxes = self._find_backend, self._find_backend().boxes(order, new)
         return tree
 
     def closest(
@@ -205,8 +205,8 @@ class SurfaceTree:
         triangles that are equally close, the one with the lowest number is taken. Raises
         BadArgument for numbers that are not finite or of another shape, and NotNumbers.
         """
-        p = _rows(points, "points")
-        n = None if normals is None else _rows(normals, "normals")
+        p = _checked_rows(points, "points")
+        n = None if normals is None else _checked_rows(normals, "normals")
         if n is not None and len(n) != len(p):
             raise BadArgument(f"there are {len(p)} points, but {len(n)} normals; give one for each")
         if not within >= 0:
@@ -214,23 +214,21 @@ class SurfaceTree:
         if np.isnan(facing):
             raise BadArgument(f"facing is {facing}, but must be a cosine, from -1 to 1")
         boxes, gate = self._boxes, float(within)
-        found = self._way().search(boxes, Query(p, gate, n, float(facing)))
-        there, s = found.faces != NONE, found.shares
-        corners = boxes.vertices[boxes.order.faces[found.faces]]
+        best = self._find_backend().search(boxes, Query(p, gate, n, float(facing)))
+        exists, s = best.faces != NONE, best.shares
+        corners = boxes.vertices[boxes.order.faces[best.faces]]
         places = s[:, :1] * corners[:, 0] + s[:, 1:2] * corners[:, 1] + s[:, 2:] * corners[:, 2]
-        places = np.where(there[:, None], places, p)
-        length = np.sqrt(dot(found.normals.T, found.normals.T))[:, None]
-        cancelled, own = (
-            length <= CANCELLED,
-            np.where(there[:, None], boxes.normals[found.faces], 0),
-        )
-        surface = np.where(cancelled, own, found.normals / np.where(cancelled, 1, length))
+        places = np.where(exists[:, None], places, p)
+        length = np.sqrt(dot(best.normals.T, best.normals.T))[:, None]
+        face_normals = np.where(exists[:, None], boxes.normals[best.faces], 0)
+        cancelled = length <= SHORTEST_NORMAL
+        surface = np.where(cancelled, face_normals, best.normals / np.where(cancelled, 1, length))
         side = np.where(dot((p - places).T, surface.T) < 0, -1, 1)
-        distances = np.where(there, np.sqrt(found.squares) * side, gate)
-        return ClosestPoints(found.faces, s, places, distances, surface)
+        distances = np.where(exists, np.sqrt(best.squares) * side, gate)
+        return ClosestPoints(best.faces, s, places, distances, surface)
 
 
-def _copied(vertices: Array) -> Array:
+def _checked_copy(vertices: Array) -> Array:
     if (np.abs(vertices) > FARTHEST).any():
         raise BadMesh(
             f"a vertex is farther than {FARTHEST:g} m from the origin; remove or repair it"
@@ -238,8 +236,8 @@ def _copied(vertices: Array) -> Array:
     return np.array(vertices, dtype=np.float64, order="C")
 
 
-def _rows(given: Array, what: str) -> Array:
-    array = np.ascontiguousarray(reals(what, given))
+def _checked_rows(points: Array, what: str) -> Array:
+    array = np.ascontiguousarray(reals(what, points))
     if array.ndim != 2 or array.shape[1] != 3:
         raise BadArgument(f"{what} have shape {array.shape}, but must be (M, 3)")
     right = (np.abs(array) <= FARTHEST).all(axis=1)
@@ -249,7 +247,7 @@ def _rows(given: Array, what: str) -> Array:
     return array
 
 
-SAME = 1e-5  # m: a point nearer to a vertex follows it alone
+AT_VERTEX = 1e-5  # m: a point nearer to a vertex follows it alone
 
 
 def nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
@@ -273,10 +271,10 @@ def barycentric_weights(vertices: Array, faces: Index, points: Array) -> csr_arr
 
     Rows sum to one. A point at a vertex (N, 3) m follows that vertex alone.
     """
-    found = SurfaceTree(vertices, faces).closest(points)
-    corners, shares = faces[found.faces], found.shares
+    places = SurfaceTree(vertices, faces).closest(points)
+    corners, shares = faces[places.faces], places.shares
     distance, vertex = nearest(vertices, points)
-    same = distance < SAME
+    same = distance < AT_VERTEX
     corners[same], shares[same] = vertex[same, None], [1.0, 0.0, 0.0]
     shares[shares < 1e-6] = 0
     shares /= shares.sum(axis=1, keepdims=True)

@@ -163,25 +163,25 @@ class Stitching:
         the given one of the centroids (C, 3) m, or at the origin.
         """
         V = self.solve(self.edge_sums(edges))
-        wanted = np.zeros((self.n_components, 3)) if centroids is None else np.asarray(centroids)
-        return np.asarray(V + (wanted - self.centroids @ V)[self.components])
+        means = np.zeros((self.n_components, 3)) if centroids is None else np.asarray(centroids)
+        return np.asarray(V + (means - self.centroids @ V)[self.components])
 
     def solve(self, right_side: Array) -> Array:
         """The V (N, k) with A'A V = right_side (N, k), the first vertex of every component at 0."""
-        lu, kept = self._factors
+        lu, rows = self._factors
         V = np.zeros(right_side.shape)
-        V[kept] = lu.solve(right_side[kept])
+        V[rows] = lu.solve(right_side[rows])
         return V
 
     def solve_symbolic(self, right_side: cs.MX) -> cs.MX:
         """`solve` in symbols: two triangular solves, as sparse as the factors."""
-        lu, kept = self._factors
+        lu, rows = self._factors
         order = np.argsort(lu.perm_r)  # row i of the factors is row order[i] of what is kept
         L, U = (cs.MX(sparse_constant(factor)) for factor in (lu.L, lu.U))
-        found = cs.solve(U, cs.solve(L, right_side[kept[order].tolist(), :]))
-        place = np.full(self.n_vertices, len(kept))  # the pinned ones: a row of zeros at the end
-        place[kept] = lu.perm_c
-        return cs.vertcat(found, cs.MX.zeros(1, right_side.shape[1]))[place.tolist(), :]
+        solution = cs.solve(U, cs.solve(L, right_side[rows[order].tolist(), :]))
+        place = np.full(self.n_vertices, len(rows))  # the pinned ones: a row of zeros at the end
+        place[rows] = lu.perm_c
+        return cs.vertcat(solution, cs.MX.zeros(1, right_side.shape[1]))[place.tolist(), :]
 
     @cached_property
     def solved(self) -> Index:
@@ -192,8 +192,8 @@ class Stitching:
     @cached_property
     def _factors(self) -> tuple[SuperLU, Index]:
         """A'A without the first vertex of every component, and the vertices that are left."""
-        kept = self.solved
-        normal = csc_array(self.A.T @ self.A)[kept][:, kept]
+        rows = self.solved
+        normal = csc_array(self.A.T @ self.A)[rows][:, rows]
         # positive definite: no pivoting, and an order for symmetric matrices, keep it sparse
         lu = splu(
             csc_array(normal),
@@ -201,4 +201,4 @@ class Stitching:
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
         )
-        return lu, kept
+        return lu, rows

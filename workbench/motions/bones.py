@@ -19,7 +19,7 @@ from workbench.bodies.readonly import locked
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
 
-FOLLOWS = 0.5  # the least weight with which the outermost vertex follows the last joint of a limb
+LIMB_WEIGHT = 0.5  # the least with which the outermost vertex follows the last joint of a limb
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +52,9 @@ class Bones:
         if any(not 0 <= p < K for p in self.end_parents):
             raise BadArgument(f"the ends of bones go out from one of {K} joints")
         offsets, ends = reals("offsets", self.offsets), reals("end_offsets", self.end_offsets)
-        for name, given, shape in (("offsets", offsets, (K, 3)), ("end_offsets", ends, (E, 3))):
-            if given.shape != shape or not np.isfinite(given).all():
-                raise BadArgument(f"{name} are {shape} finite metres, not {given.shape}")
+        for name, array, shape in (("offsets", offsets, (K, 3)), ("end_offsets", ends, (E, 3))):
+            if array.shape != shape or not np.isfinite(array).all():
+                raise BadArgument(f"{name} are {shape} finite metres, not {array.shape}")
         self.__dict__.update(
             parents=tree, offsets=locked(offsets.copy()), end_offsets=locked(ends.copy())
         )
@@ -70,15 +70,15 @@ class Bones:
     @property
     def span(self) -> float:
         """The longest way along bones from one joint or end to another, in m, in whatever pose."""
-        far, longest = np.zeros(len(self.parents)), 0.0
-        ends = zip(self.end_parents, np.linalg.norm(self.end_offsets, axis=1), strict=True)
+        reach, longest = np.zeros(len(self.parents)), 0.0  # of the bones below each joint; of all
+        ends = np.linalg.norm(self.end_offsets, axis=1)
+        for k, length in zip(self.end_parents, ends, strict=True):
+            longest, reach[k] = max(longest, reach[k] + length), max(reach[k], length)
         lengths = np.linalg.norm(self.offsets, axis=1)
-        below = ((k, lengths[k]) for k in range(len(far) - 1, 0, -1))
-        for k, length in ends:
-            longest, far[k] = max(longest, far[k] + length), max(far[k], length)
-        for k, length in below:
-            parent, reach = self.parents[k], far[k] + length
-            longest, far[parent] = max(longest, far[parent] + reach), max(far[parent], reach)
+        for k in range(len(reach) - 1, 0, -1):
+            parent, length = self.parents[k], reach[k] + lengths[k]
+            longest = max(longest, reach[parent] + length)
+            reach[parent] = max(reach[parent], length)
         return float(longest)
 
     def joints(self, pose: ArrayLike, trans: ArrayLike) -> Array:
@@ -94,11 +94,11 @@ class Bones:
 
     def ends(self, pose: ArrayLike, trans: ArrayLike) -> Array:
         """The ends of bones that carry no joint, (T, E, 3) m."""
-        places, up = self.joints(pose, trans), list(self.end_parents)
+        places, starts = self.joints(pose, trans), list(self.end_parents)
         local = matrix_from_vector(np.asarray(pose, dtype=float))
-        world = np.array([world_rotations(R, self.parents)[up] for R in local])
+        world = np.array([world_rotations(R, self.parents)[starts] for R in local])
         moved: Array = np.einsum("teij,ej->tei", world, self.end_offsets)
-        return places[:, up] + moved
+        return places[:, starts] + moved
 
     @property
     def pairs(self) -> Index:
@@ -107,20 +107,18 @@ class Bones:
 
 
 def different_names(
-    given: Sequence[str], what: str = "joint"
+    labels: Sequence[str], kind: str = "joint"
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of which each occurs once, and a note if some had to be changed: `joint_3`, `hip_2`."""
-    names: list[str] = []
-    taken, used, last = {*given}, set[str](), Counter[str]()
-    for k, name in enumerate(given):
-        own = new = name or f"{what}_{k}"
-        while new in used or (new != name and new in taken):
-            last[own] += 1
-            new = f"{own}_{last[own] + 1}"
-        used.add(new)
-        names.append(new)
-    changed = sum(new != old for new, old in zip(names, given, strict=True))
-    note = f"{changed} of {len(names)} {what}s had no name or that of another, and got a number"
+    in_use, names, suffixes = {*labels}, dict[str, None](), Counter[str]()
+    for k, name in enumerate(labels):
+        base = new = name or f"{kind}_{k}"
+        while new in names or (new != name and new in in_use):
+            suffixes[base] += 1
+            new = f"{base}_{suffixes[base] + 1}"
+        names[new] = None
+    changed = sum(new != old for new, old in zip(names, labels, strict=True))
+    note = f"{changed} of {len(names)} {kind}s had no name or that of another, and got a number"
     return tuple(names), (note,) * bool(changed)
 
 
@@ -129,15 +127,15 @@ def bones_of(body: Body, betas: Sequence[float] | Array | None = None) -> Bones:
 
     Limbs of a SkinnedBody end at the farthest vertex that follows their last joint.
     """
-    at = body.joints(body.bind_pose * 0, betas)
+    joints = body.joints(body.bind_pose * 0, betas)
     parents = tuple(body.parents)
-    above = np.where(np.arange(len(at))[:, None] > 0, at[list(parents)], 0.0)
-    last = tuple(k for k in range(len(at)) if k not in parents)
+    above = np.where(np.arange(len(joints))[:, None] > 0, joints[list(parents)], 0.0)
+    last = tuple(k for k in range(len(joints)) if k not in parents)
     ends = np.zeros((len(last), 3))
     if isinstance(body, SkinnedBody):
         surface = body.vertices(body.bind_pose * 0, betas)
         for e, k in enumerate(last):
-            out = surface[body.weights[:, k] >= FOLLOWS] - at[k]
-            if len(out):
-                ends[e] = out[np.linalg.norm(out, axis=1).argmax()]
-    return Bones(parents, at - above, last, ends)
+            away = surface[body.weights[:, k] >= LIMB_WEIGHT] - joints[k]
+            if len(away):
+                ends[e] = away[np.linalg.norm(away, axis=1).argmax()]
+    return Bones(parents, joints - above, last, ends)

@@ -17,7 +17,7 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, BadFile, shown, some_of
 from workbench.geometry.guesses import (
-    FRAMES,
+    MOST_FRAMES,
     PERSON,
     UNITS,
     UP_TO_Y,
@@ -40,7 +40,7 @@ COMMENT = re.compile(r"(^|\s)(#|//).*")
 MOST_JOINTS = 10_000
 MOST_ROOTS = 5  # one below the other, that are left out
 MOST_NUMBERS = 20_000_000  # of all frames together
-LARGEST = 1e9  # of any length or angle
+LARGEST_NUMBER = 1e9  # of any length or angle
 
 
 @dataclass
@@ -82,62 +82,62 @@ def _lines(content: bytes) -> Iterator[tuple[int, str]]:
                 yield number, part.strip()
 
 
-def _hierarchy(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
+def _hierarchy(lines: Iterator[tuple[int, str]], text: BvhText) -> None:
     """Read up to the line MOTION."""
-    open_now: list[int | None] = []  # the joints around a line; None is an end site
-    begun: int | None = None  # the joint whose brace is still to come
-    waiting = False
+    open_joints: list[int | None] = []  # the joints around a line; None is an end site
+    next_joint: int | None = None  # the joint whose brace is still to come
+    brace_expected = False
     number, line = next(lines, (0, ""))
     if line.upper() != "HIERARCHY":
         raise ValueError(f"it begins with {shown(line)}, and not with HIERARCHY")
     for number, line in lines:
         word, _, rest = line.partition(" ") if " " in line else line.partition("\t")
         match word.upper():
-            case "{" if waiting:
-                open_now.append(begun)
-                waiting = False
-            case "}" if open_now and not waiting:
-                _check_closed(open_now.pop(), found, number)
-            case "MOTION" if found.names and not open_now and not waiting:
+            case "{" if brace_expected:
+                open_joints.append(next_joint)
+                brace_expected = False
+            case "}" if open_joints and not brace_expected:
+                _check_closed(open_joints.pop(), text, number)
+            case "MOTION" if text.names and not open_joints and not brace_expected:
                 return
-            case "ROOT" if not open_now and not waiting:
-                begun, waiting = _joint(rest, -1, found), True
-            case "JOINT" if open_now and open_now[-1] is not None and not waiting:
-                begun, waiting = _joint(rest, open_now[-1], found), True
-            case "END" if open_now and open_now[-1] is not None and not waiting:
-                found.end_parents.append(open_now[-1])
-                begun, waiting = None, True
-            case "OFFSET" if open_now and not waiting:
-                owner = found.end_offsets if open_now[-1] is None else found.offsets
-                count = len(found.end_parents) if open_now[-1] is None else open_now[-1] + 1
+            case "ROOT" if not open_joints and not brace_expected:
+                next_joint, brace_expected = _joint(rest, -1, text), True
+            case "JOINT" if open_joints and open_joints[-1] is not None and not brace_expected:
+                next_joint, brace_expected = _joint(rest, open_joints[-1], text), True
+            case "END" if open_joints and open_joints[-1] is not None and not brace_expected:
+                text.end_parents.append(open_joints[-1])
+                next_joint, brace_expected = None, True
+            case "OFFSET" if open_joints and not brace_expected:
+                owner = text.end_offsets if open_joints[-1] is None else text.offsets
+                count = len(text.end_parents) if open_joints[-1] is None else open_joints[-1] + 1
                 if len(owner) != count - 1:
                     raise ValueError(f"line {number} gives an offset where none is expected")
                 owner.append(_numbers(rest, 3, number))
-            case "CHANNELS" if open_now and open_now[-1] is not None and not waiting:
-                if len(found.channels) != open_now[-1]:
+            case "CHANNELS" if open_joints and open_joints[-1] is not None and not brace_expected:
+                if len(text.channels) != open_joints[-1]:
                     raise ValueError(f"line {number} gives channels where none are expected")
-                found.channels.append(_channels(rest.split(), number))
+                text.channels.append(_channels(rest.split(), number))
             case _:
                 raise ValueError(f"line {number} is {shown(line)}, which is not expected there")
     raise ValueError(f"its hierarchy is not closed, or no MOTION follows, up to line {number}")
 
 
-def _joint(name: str, parent: int, found: BvhText) -> int:
-    k = len(found.names)
+def _joint(name: str, parent: int, text: BvhText) -> int:
+    k = len(text.names)
     if k >= MOST_JOINTS:
         raise ValueError(f"it has more than {MOST_JOINTS:,} joints")
-    if k and (len(found.offsets) != k or len(found.channels) != k):
-        raise ValueError(f"the joint {shown(found.names[k - 1])} has no OFFSET or no CHANNELS")
-    found.names.append(" ".join(rest for rest in name.split()) or f"joint_{k}")
-    found.parents.append(parent)
+    if k and (len(text.offsets) != k or len(text.channels) != k):
+        raise ValueError(f"the joint {shown(text.names[k - 1])} has no OFFSET or no CHANNELS")
+    text.names.append(" ".join(name.split()) or f"joint_{k}")
+    text.parents.append(parent)
     return k
 
 
-def _check_closed(joint: int | None, found: BvhText, number: int) -> None:
-    if joint is None and len(found.end_offsets) != len(found.end_parents):
+def _check_closed(joint: int | None, text: BvhText, number: int) -> None:
+    if joint is None and len(text.end_offsets) != len(text.end_parents):
         raise ValueError(f"the end site that ends at line {number} has no OFFSET")
-    if joint is not None and min(len(found.offsets), len(found.channels)) != len(found.names):
-        raise ValueError(f"the joint {shown(found.names[-1])} has no OFFSET or no CHANNELS")
+    if joint is not None and min(len(text.offsets), len(text.channels)) != len(text.names):
+        raise ValueError(f"the joint {shown(text.names[-1])} has no OFFSET or no CHANNELS")
 
 
 def _channels(words: list[str], number: int) -> tuple[str, ...]:
@@ -153,27 +153,28 @@ def _channels(words: list[str], number: int) -> tuple[str, ...]:
     return known
 
 
-def _motion(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
+def _motion(lines: Iterator[tuple[int, str]], text: BvhText) -> None:
     _, line = next(lines, (0, ""))
     word, _, count = line.partition(":")
     if word.strip().lower() != "frames" or not count.strip().isdecimal() or len(count) > 12:
         raise ValueError(f"after MOTION comes {shown(line)}, and not the number of Frames")
     number, line = next(lines, (0, ""))
-    word, _, found.frame_time = line.partition(":")
+    word, _, text.frame_time = line.partition(":")
     if [part.lower() for part in word.split()] != ["frame", "time"]:
         raise ValueError(f"after the number of frames comes {shown(line)}, and no Frame Time")
-    wide, T = sum(map(len, found.channels)), int(count)
-    numbers, rows = array("d"), 0
+    width, declared = sum(map(len, text.channels)), int(count)
+    numbers, frames = array("d"), 0
     for number, line in lines:
-        if max(T, rows + 1) * wide > MOST_NUMBERS:
-            raise ValueError(f"{max(T, rows):,} frames of {wide:,} channels are too many")
-        numbers.extend(_numbers(line, wide, number))
-        rows += 1
-    if not rows or not wide:
-        raise ValueError(f"it has {rows} frames of {wide} channels; a motion has one or more")
-    if rows != T:
-        found.notes.append(f"it has {rows:,} frames, and says {T:,}")
-    found.rows = np.array(numbers).reshape(rows, wide)
+        if max(declared, frames + 1) * width > MOST_NUMBERS:
+            most = max(declared, frames)
+            raise ValueError(f"{most:,} frames of {width:,} channels are too many")
+        numbers.extend(_numbers(line, width, number))
+        frames += 1
+    if not frames or not width:
+        raise ValueError(f"it has {frames} frames of {width} channels; a motion has one or more")
+    if frames != declared:
+        text.notes.append(f"it has {frames:,} frames, and says {declared:,}")
+    text.rows = np.array(numbers).reshape(frames, width)
 
 
 def _numbers(line: str, count: int, number: int) -> list[float]:
@@ -181,27 +182,27 @@ def _numbers(line: str, count: int, number: int) -> list[float]:
 
     Where a line has points, commas separate numbers.
     """
-    given = line.replace(",", " " if "." in line else ".").split()
+    words = line.replace(",", " " if "." in line else ".").split()
     try:
-        numbers = [float(word) for word in given]
+        numbers = [float(word) for word in words]
     except ValueError as error:
         raise ValueError(f"line {number}: {shown(str(error))}") from error
     if len(numbers) != count:
         raise ValueError(f"line {number} has {len(numbers)} numbers, and must have {count}")
-    if not all(-LARGEST <= x <= LARGEST for x in numbers):
-        wrong = next(x for x in numbers if not -LARGEST <= x <= LARGEST)
+    if not all(-LARGEST_NUMBER <= x <= LARGEST_NUMBER for x in numbers):
+        wrong = next(x for x in numbers if not -LARGEST_NUMBER <= x <= LARGEST_NUMBER)
         raise ValueError(f"line {number} holds {wrong:g}, which is no length and no angle")
     return numbers
 
 
 MOST_BYTES = 2**29
-SCALED = 1e-3  # by which a scale may differ from one
-STRETCH = 0.01  # m, by which the place of a joint at its parent may change from frame to frame
+MAX_SCALE_CHANGE = 1e-3  # by which a scale may differ from one
+MAX_STRETCH = 0.01  # m, by which the place of a joint at its parent may change from frame to frame
 CENTIMETRES = 1 / UNITS["cm"]  # the unit that is written
 ROTATIONS: Literal["ZXY"] = "ZXY"  # as written; each turns about the axes turned so far
 REACH, STRETCHED = "the joints of a frame reach {}", "the skeleton would stand {} tall"
-SPAN = 1.5  # times as long as a person is tall is the way along bones from toes to fingers
-SAID = 1e-6  # frames a second: a rate that is rounded by more is said
+SPAN_PER_HEIGHT = 1.5  # the length of the bones from toes to fingers over that of a person
+RATE_NOTED = 1e-6  # frames a second: a rate that is rounded by more is said
 
 
 def read_bvh(
@@ -232,46 +233,33 @@ def read_bvh(
 
 
 def _motion_of(
-    text: BvhText, unit: str | None, up: str | None, given: float | None, name: str
+    text: BvhText, unit: str | None, up: str | None, fps: float | None, name: str
 ) -> Motion:
-    rate, said = _rate(text.frame_time) if given is None else (given, "")
-    pose, moved = np.zeros((len(text.rows), len(text.names), 3)), {}
-    at = 0
-    for k, channels in enumerate(text.channels):
-        columns = text.rows[:, at : at + len(channels)]
-        at += len(channels)
-        pose[:, k] = _turned(channels, columns)
-        if any(channel.endswith("position") for channel in channels):
-            moved[k] = _places(channels, columns)
-        scales = columns[:, [channel.endswith("scale") for channel in channels]]
-        if np.abs(scales - 1).max(initial=0.0) > SCALED:
-            raise BadFile(
-                f"its bones are scaled, by {scales.min():g} to {scales.max():g}, and a skeleton "
-                "here has bones of one length"
-            )
-    text, pose, moved, lost = _rooted(text, pose, moved)
+    rate, rate_notes = _rate(text.frame_time) if fps is None else (fps, ())
+    pose, moved = _pose_and_positions(text)
+    text, pose, moved, root_notes = _without_moving_roots(text, pose, moved)
     names, renamed = different_names(text.names)
     offsets = np.array(text.offsets)
     trans = moved.pop(0, offsets[0]) - np.tile(offsets[0], (len(pose), 1))
     offsets, stretch, replaced = _bones(offsets, moved)
     ends = np.array(text.end_offsets).reshape(-1, 3)
     bones = Bones(tuple(text.parents), offsets, tuple(text.end_parents), ends)
-    some = slice(None, None, max(1, len(pose) // FRAMES))
-    shown_places = np.concatenate(
-        [f(pose[some], trans[some]) for f in (bones.joints, bones.ends)], axis=1
+    sample = slice(None, None, max(1, len(pose) // MOST_FRAMES))
+    places = np.concatenate(
+        [f(pose[sample], trans[sample]) for f in (bones.joints, bones.ends)], axis=1
     )
-    reach, sizes, what = float(extents(shown_places).max()), sizes_of(names), REACH
-    if sizes is PERSON and bones.span / SPAN > reach:  # who crouches or sits
-        reach, what = bones.span / SPAN, STRETCHED
-    unit, why = unit_of(reach, unit, sizes=sizes, units=tuple(UNITS), what=what)
+    reach, sizes, what = float(extents(places).max()), sizes_of(names), REACH
+    if sizes is PERSON and bones.span / SPAN_PER_HEIGHT > reach:  # who crouches or sits
+        reach, what = bones.span / SPAN_PER_HEIGHT, STRETCHED
+    unit, unit_note = unit_of(reach, unit, sizes=sizes, units=tuple(UNITS), what=what)
     metres = UNITS[unit]
-    axis, pointing = up_of(metres * shown_places, up, names=names, what="the skeleton")
-    if stretch * metres > STRETCH:
+    axis, up_note = up_of(metres * places, up, names=names, what="the skeleton")
+    if stretch * metres > MAX_STRETCH:
         raise BadFile(
             f"its bones change their length by up to {stretch * metres:.3f} m from frame to "
             "frame, and a skeleton here has bones of one length"
         )
-    notes = [why, pointing, *([said] if said else []), *renamed, *text.notes, *lost]
+    notes = [unit_note, up_note, *rate_notes, *renamed, *text.notes, *root_notes]
     if any(channel.endswith("scale") for own in text.channels for channel in own):
         notes.append("channels of scale are all 1, and are left out")
     if offsets[0].any() and trans.any():
@@ -290,7 +278,26 @@ def _motion_of(
     ).turned(UP_TO_Y[axis])
 
 
-def _only(text: BvhText, first: int) -> BvhText:
+def _pose_and_positions(text: BvhText) -> tuple[Array, dict[int, Array]]:
+    """The pose (T, K, 3) rad, and the positions (T, 3) of the joints that have such channels."""
+    pose, moved = np.zeros((len(text.rows), len(text.names), 3)), {}
+    first = 0
+    for k, channels in enumerate(text.channels):
+        columns = text.rows[:, first : first + len(channels)]
+        first += len(channels)
+        pose[:, k] = _rotation_vectors(channels, columns)
+        if any(channel.endswith("position") for channel in channels):
+            moved[k] = _places(channels, columns)
+        scales = columns[:, [channel.endswith("scale") for channel in channels]]
+        if np.abs(scales - 1).max(initial=0.0) > MAX_SCALE_CHANGE:
+            raise BadFile(
+                f"its bones are scaled, by {scales.min():g} to {scales.max():g}, and a skeleton "
+                "here has bones of one length"
+            )
+    return pose, moved
+
+
+def _subtree(text: BvhText, first: int) -> BvhText:
     """The joints from one on that are below it, which is the root then, and their numbers."""
     K = len(text.names)
     last = next((k for k in range(first + 1, K) if text.parents[k] < first), K)
@@ -318,40 +325,40 @@ def _largest(text: BvhText) -> BvhText:
     others = [text.names[k] for k in roots if k != largest]
     note = f"of {len(roots)} skeletons that of {shown(text.names[largest])} is read, which has "
     note += f"most joints; left out: {some_of(others)}"
-    return replace(_only(text, largest), notes=[*text.notes, note])
+    return replace(_subtree(text, largest), notes=[*text.notes, note])
 
 
-def _rooted(
+def _without_moving_roots(
     text: BvhText, pose: Array, moved: dict[int, Array]
 ) -> tuple[BvhText, Array, dict[int, Array], tuple[str, ...]]:
     """The skeleton without roots from which the only child moves away.
 
     That child has the pose and the places of both: R = R_root R_child, p = p_root + R_root p_child.
     """
-    lost: list[str] = []
-    while len(lost) < MOST_ROOTS and text.parents.count(0) == 1 and 1 in moved:
+    left_out: list[str] = []
+    while len(left_out) < MOST_ROOTS and text.parents.count(0) == 1 and 1 in moved:
         if not np.ptp(moved[1], axis=0).any():
             break
-        lost.append(text.names[0])
-        _, _, whole = _bones(np.array(text.offsets), {1: moved[1]})
-        away = moved[1] + (0.0 if whole else np.array(text.offsets[1]))
+        left_out.append(text.names[0])
+        _, _, replaced = _bones(np.array(text.offsets), {1: moved[1]})
+        offset = moved[1] + (0.0 if replaced else np.array(text.offsets[1]))
         root = Rotation.from_rotvec(pose[:, 0])
-        places = moved.get(0, np.tile(text.offsets[0], (len(pose), 1))) + root.apply(away)
+        places = moved.get(0, np.tile(text.offsets[0], (len(pose), 1))) + root.apply(offset)
         pose[:, 1] = (root * Rotation.from_rotvec(pose[:, 1])).as_rotvec()
-        text, pose = _only(text, 1), pose[:, 1:]
+        text, pose = _subtree(text, 1), pose[:, 1:]
         moved = {k - 1: place for k, place in moved.items() if k} | {0: places}
-    said = f"left out at the root, because their child moves away: {', '.join(lost)}"
-    return text, pose, moved, (said,) if lost else ()
+    note = f"left out at the root, because their child moves away: {', '.join(left_out)}"
+    return text, pose, moved, (note,) if left_out else ()
 
 
-def _turned(channels: tuple[str, ...], columns: Array) -> Array:
+def _rotation_vectors(channels: tuple[str, ...], columns: Array) -> Array:
     """The rotation vectors (T, 3) of channels (T, c): R = R_1 R_2 R_3 in their order."""
-    found = Rotation.identity(len(columns))
+    rotation = Rotation.identity(len(columns))
     for channel, degrees in zip(channels, columns.T, strict=True):
         if channel.endswith("rotation"):
             axis = np.eye(3)["XYZ".index(channel[0])]
-            found = found * Rotation.from_rotvec(np.radians(degrees)[:, None] * axis)
-    return np.asarray(found.as_rotvec())
+            rotation = rotation * Rotation.from_rotvec(np.radians(degrees)[:, None] * axis)
+    return np.asarray(rotation.as_rotvec())
 
 
 def _places(channels: tuple[str, ...], columns: Array) -> Array:
@@ -365,22 +372,22 @@ def _places(channels: tuple[str, ...], columns: Array) -> Array:
 def _bones(offsets: Array, moved: dict[int, Array]) -> tuple[Array, float, bool]:
     """The offsets (K, 3) with the positions of joints below the root in them.
 
-    Also the largest change of a position, and whether positions repeat the offsets. Some programs
-    write what is added to OFFSET, and others the whole: the skeleton is to change less.
+    Also the largest change of a position, and whether positions replace the offsets. Some programs
+    write what is added to OFFSET, and others the whole: what changes the skeleton less is taken.
     """
     if not moved:
         return offsets, 0.0, False
     below = list(moved)
     means = np.array([moved[k].mean(axis=0) for k in below])
     stretch = max(float(np.abs(moved[k] - m).max()) for k, m in zip(below, means, strict=True))
-    whole = float(np.abs(means - offsets[below]).sum()) < float(np.abs(means).sum())
-    found = offsets.copy()
-    found[below] = means if whole else offsets[below] + means
-    return found, stretch, whole
+    replaced = float(np.abs(means - offsets[below]).sum()) < float(np.abs(means).sum())
+    joined = offsets.copy()
+    joined[below] = means if replaced else offsets[below] + means
+    return joined, stretch, replaced
 
 
-def _rate(written: str) -> tuple[float, str]:
-    """Frames a second, and what is to be said: 0.033333 is 30 of them, as far as it is written."""
+def _rate(written: str) -> tuple[float, tuple[str, ...]]:
+    """Frames a second by the written time of one, and a note on it: 0.033333 means 30 of them."""
     written = written.replace(",", ".")
     try:
         seconds = float(written)
@@ -389,12 +396,12 @@ def _rate(written: str) -> tuple[float, str]:
     if not 1e-6 < seconds < 1e6:
         raise ValueError(f"its frame time is {shown(written.strip())}, which is no time in seconds")
     rate, digits = 1 / seconds, len(written.strip().partition(".")[2])
-    near = round(rate)
-    if near and rate != near and abs(1 / near - seconds) <= 10.0 ** -min(digits, 300):
-        told = f"the frame time {seconds:g} s is taken for {near} frames a second"
-        return float(near), told if abs(rate - near) > SAID else ""
-    told = f"the frame time is {seconds:g} s; if these are frames a second, give them as the rate"
-    return rate, told if seconds > 1 else ""
+    whole = round(rate)
+    if whole and rate != whole and abs(1 / whole - seconds) <= 10.0 ** -min(digits, 300):
+        note = f"the frame time {seconds:g} s is taken for {whole} frames a second"
+        return float(whole), (note,) if abs(rate - whole) > RATE_NOTED else ()
+    note = f"the frame time is {seconds:g} s; if these are frames a second, give them as the rate"
+    return rate, (note,) if seconds > 1 else ()
 
 
 def write_bvh(path: str | Path, motion: Motion, body: Body | None = None) -> None:
@@ -435,17 +442,17 @@ def _written_tree(bones: Bones, names: list[str], lines: list[str]) -> list[int]
         below[parent].append(k)
     for k, end in zip(bones.end_parents, bones.end_offsets, strict=True):
         ends[k].append(end)
-    order, waiting = list[int](), [0]
-    while waiting:
-        order.append(waiting.pop())
-        waiting += reversed(below[order[-1]])
+    order, stack = list[int](), [0]
+    while stack:
+        order.append(stack.pop())
+        stack += reversed(below[order[-1]])
     depth = [0] * (len(names) + 1)
     turns = " ".join(f"{axis}rotation" for axis in ROTATIONS)
 
     def offset(v: Array) -> str:
         return "OFFSET " + " ".join(f"{x:.6f}" for x in CENTIMETRES * v)
 
-    for k, following in zip(order, [*order[1:], -1], strict=True):
+    for k, next_joint in zip(order, [*order[1:], -1], strict=True):
         depth[k] = depth[parents[k]] + 1 if k else 0
         indent = "  " * depth[k]
         moves = "" if k else "Xposition Yposition Zposition "
@@ -458,6 +465,6 @@ def _written_tree(bones: Bones, names: list[str], lines: list[str]) -> list[int]
         for end in ends[k] if ends[k] or below[k] else [np.zeros(3)]:
             lines += [f"{indent}  End Site", f"{indent}  {{", f"{indent}    {offset(end)}"]
             lines.append(f"{indent}  }}")
-        over = depth[parents[following]] if following > 0 else -1
-        lines += ["  " * level + "}" for level in range(depth[k], over, -1)]
+        next_depth = depth[parents[next_joint]] if next_joint > 0 else -1
+        lines += ["  " * level + "}" for level in range(depth[k], next_depth, -1)]
     return order

@@ -20,7 +20,7 @@ from workbench.arrays import Array
 from workbench.bodies.files.pickles import (
     DAMAGE,
     JOBLIB,
-    MORE,
+    MOTION_NAMES,
     STORAGE,
     STORAGES,
     Allowance,
@@ -28,7 +28,7 @@ from workbench.bodies.files.pickles import (
     PickledName,
     Records,
     Unread,
-    run,
+    interpret,
     sizes_in,
 )
 from workbench.errors import BadFile, cut
@@ -120,9 +120,9 @@ class Contents:
         if isinstance(value, np.ndarray):
             value = value.reshape(-1).tolist() if value.dtype.kind in "US" else None
         return tuple(
-            one.decode("ascii", "replace") if isinstance(one, bytes) else one
-            for one in (value if isinstance(value, list) else [value])
-            if isinstance(one, (str, bytes))
+            text.decode("ascii", "replace") if isinstance(text, bytes) else text
+            for text in (value if isinstance(value, list) else [value])
+            if isinstance(text, (str, bytes))
         )
 
     def _stacked(self, value: Tree, depth: int) -> Tree:
@@ -131,8 +131,8 @@ class Contents:
             raise BadFile(f"it has lists nested more than {DEEPEST} deep")
         if isinstance(value, (list, np.ndarray)):
             self.records.allowance.pay((len(value) if isinstance(value, list) else value.size,))
-        if isinstance(value, list) and not all(type(one) in (int, float) for one in value):
-            return [self._stacked(self.plain(one), depth + 1) for one in value]
+        if isinstance(value, list) and not all(type(item) in (int, float) for item in value):
+            return [self._stacked(self.plain(item), depth + 1) for item in value]
         return value
 
     def _tensor(self, storage: Tree, offset: int, size: Tree, stride: Tree) -> NDArray[Any]:
@@ -140,7 +140,7 @@ class Contents:
         if storage.name == PickledName("torch.storage", "_load_from_bytes"):
             # a mark, the version, facts, the storage, its key, how many numbers, and the numbers
             stream = io.BytesIO(storage.arguments[0].removeprefix(TORCH))
-            storage = [run(stream, MORE - {JOBLIB}) for _ in range(4)][2]
+            storage = [interpret(stream, MOTION_NAMES - {JOBLIB}) for _ in range(4)][2]
             content = stream.read()[8:]
         else:
             content = self.storages[str(storage.arguments[2])]
@@ -165,23 +165,24 @@ def _member(archive: Archive, name: str) -> Tree:
 
 
 def _pickled(content: bytes) -> Tree:
-    return run(content, MORE, MOST_INSTRUCTIONS)
+    return interpret(content, MOTION_NAMES, MOST_INSTRUCTIONS)
 
 
 @contextmanager
 def contents_of(path: Path) -> Iterator[Contents]:
     """What a file holds, or a folder: a dictionary of its files. Raises BadFile with a reason."""
     if path.is_dir():
-        files = sorted(one for one in path.iterdir() if one.suffix.lower() in FRAME_FILES)
+        files = sorted(file for file in path.iterdir() if file.suffix.lower() in FRAME_FILES)
         if not 0 < len(files) <= MOST_FILES:
             raise BadFile(f"it is a folder of {len(files):,} files that could be frames")
-        each = {}
-        for one in files:
-            with contents_of(one) as contents:
+        frames = {}
+        for file in files:
+            with contents_of(file) as contents:
                 root = contents.plain(contents.root)
-                whole = isinstance(root, dict)
-                each[one.name] = {k: contents.plain(v) for k, v in root.items()} if whole else root
-        yield _contents(each, sum(one.stat().st_size for one in files))
+                if isinstance(root, dict):
+                    root = {key: contents.plain(value) for key, value in root.items()}
+                frames[file.name] = root
+        yield _contents(frames, sum(file.stat().st_size for file in files))
         return
     with damage():
         zipped = path.is_file() and zipfile.is_zipfile(path)
@@ -220,8 +221,8 @@ def _root(path: Path) -> tuple[Tree, int]:
     if content.startswith(b"\x93NUMPY"):
         header = header_of(content[:LONGEST_HEADER])
         header.check(len(content))
-        held = header.dtype.hasobject
-        root = _pickled(content[header.start :]) if held else mapped_array(path)
+        holds_objects = header.dtype.hasobject
+        root = _pickled(content[header.start :]) if holds_objects else mapped_array(path)
         return root, max(len(content), header.widened)
     if packer := next((name for head, name in PACKERS.items() if content.startswith(head)), None):
         raise BadFile(f"it is packed by {packer}; save it again by joblib.dump(..., compress=0)")

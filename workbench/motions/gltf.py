@@ -5,6 +5,7 @@ in that frame; nodes between joints and above them are included. Other files tha
 opened only if they are in its folder. Khronos Group, glTF 2.0 Specification, section 3.11 and
 appendix C (interpolation)."""
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.files.gltf import Correctives, write_gltf
 from workbench.errors import BadArgument, BadFile, UnknownName, cut, shown, some, some_of
 from workbench.geometry.gltf import (
-    LOCAL,
+    IDENTITY,
     GlbDocument,
     children,
     document_of,
@@ -51,76 +52,77 @@ class AnimationTrack:
     Attributes:
         times: (n,) s, rising.
         values: (n, w), or (n, 3, w) with the tangents before and after for CUBICSPLINE.
-        way: LINEAR, STEP or CUBICSPLINE.
-        turns: whether the values are quaternions xyzw.
+        interpolation: LINEAR, STEP or CUBICSPLINE.
+        is_rotation: whether the values are quaternions xyzw.
     """
 
     times: Array
     values: Array
-    way: str
-    turns: bool
+    interpolation: str
+    is_rotation: bool
 
     def at(self, times: Array) -> Array:
         """The values (S, w) at times (S,) s; before the first and after the last they stay."""
-        n, t = len(self.times), np.clip(times, self.times[0], self.times[-1])
-        before = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, n - 1)
-        after = np.minimum(before + 1, n - 1)
+        count, t = len(self.times), np.clip(times, self.times[0], self.times[-1])
+        before = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, count - 1)
+        after = np.minimum(before + 1, count - 1)
         gap = self.times[after] - self.times[before]
         share = np.divide(t - self.times[before], gap, out=np.zeros_like(t), where=gap > 0)
         s = share[:, None]
-        if self.way == CUBIC:
+        if self.interpolation == CUBIC:
             p0, p1 = self.values[before, 1], self.values[after, 1]
             m0, m1 = (gap[:, None] * self.values[i, k] for i, k in ((before, 2), (after, 0)))
-            found = (2 * s**3 - 3 * s**2 + 1) * p0 + (s**3 - 2 * s**2 + s) * m0
-            found = found + (3 * s**2 - 2 * s**3) * p1 + (s**3 - s**2) * m1
-        elif self.way == STEP:
-            found = self.values[before]
-        elif self.turns:
+            values = (2 * s**3 - 3 * s**2 + 1) * p0 + (s**3 - 2 * s**2 + s) * m0
+            values = values + (3 * s**2 - 2 * s**3) * p1 + (s**3 - s**2) * m1
+        elif self.interpolation == STEP:
+            values = self.values[before]
+        elif self.is_rotation:
             a, b = (Rotation.from_quat(self.values[i]) for i in (before, after))
-            found = (a * Rotation.from_rotvec(s * (a.inv() * b).as_rotvec())).as_quat()
+            values = (a * Rotation.from_rotvec(s * (a.inv() * b).as_rotvec())).as_quat()
         else:
-            found = (1 - s) * self.values[before] + s * self.values[after]
-        return np.asarray(_normalised(found) if self.turns else found)
+            values = (1 - s) * self.values[before] + s * self.values[after]
+        return np.asarray(_normalised(values) if self.is_rotation else values)
 
 
-def tracks_of(
-    document: GlbDocument, animation: dict[str, Any]
-) -> dict[tuple[int, str], AnimationTrack]:
+Tracks = dict[tuple[int, str], AnimationTrack]  # by node and property
+
+
+def tracks_of(document: GlbDocument, animation: dict[str, Any]) -> Tracks:
     """The tracks of an animation by node and property; others, as of morph targets, are left out.
 
     Raises ValueError for a track that does not fit together.
     """
-    samplers, found = several(animation, "samplers"), {}
+    samplers, tracks = several(animation, "samplers"), {}
     for channel in several(animation, "channels"):
         target = channel.get("target")
-        if not isinstance(target, dict) or target.get("path") not in LOCAL:
+        if not isinstance(target, dict) or target.get("path") not in IDENTITY:
             continue
         node, path = target.get("node"), str(target["path"])
         if type(node) is not int:
             continue
-        number = channel.get("sampler")
-        if type(number) is not int or not 0 <= number < len(samplers):
-            raise ValueError(f"there is no samplers[{shown(number)}] of its animation")
-        found[node, path] = _track(document, samplers[number], path)
-    return found
+        sampler = channel.get("sampler")
+        if type(sampler) is not int or not 0 <= sampler < len(samplers):
+            raise ValueError(f"there is no samplers[{shown(sampler)}] of its animation")
+        tracks[node, path] = _track(document, samplers[sampler], path)
+    return tracks
 
 
 def _track(document: GlbDocument, sampler: dict[str, Any], path: str) -> AnimationTrack:
-    way, width = sampler.get("interpolation", LINEAR), len(LOCAL[path])
-    if way not in (LINEAR, STEP, CUBIC):
-        raise ValueError(f"there is no interpolation {shown(way)}")
+    interpolation, width = sampler.get("interpolation", LINEAR), len(IDENTITY[path])
+    if interpolation not in (LINEAR, STEP, CUBIC):
+        raise ValueError(f"there is no interpolation {shown(interpolation)}")
     times = document.values(sampler.get("input"), "SCALAR", 1).ravel()
     values = document.values(sampler.get("output"), f"VEC{width}", width)
-    if not len(times) or len(values) != len(times) * (3 if way == CUBIC else 1):
+    if not len(times) or len(values) != len(times) * (3 if interpolation == CUBIC else 1):
         raise ValueError(f"a {path} has {len(times)} times and {len(values)} values")
     if not np.isfinite(times).all() or not np.isfinite(values).all() or (np.diff(times) < 0).any():
         raise ValueError(f"a {path} has times or values that are not finite, or times that fall")
-    turns = path == "rotation"
-    if way == CUBIC:
+    is_rotation = path == "rotation"
+    if interpolation == CUBIC:
         values = values.reshape(len(times), 3, width)
-    elif turns:
+    elif is_rotation:
         values = _normalised(values)
-    return AnimationTrack(times, values, way, turns)
+    return AnimationTrack(times, values, interpolation, is_rotation)
 
 
 def _normalised(q: Array) -> Array:
@@ -131,7 +133,7 @@ def _normalised(q: Array) -> Array:
 
 
 MOST_NODES = 10_000
-TOGETHER = 500  # frames whose motions are in memory at once
+FRAMES_AT_ONCE = 500  # frames whose motions are in memory at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +152,7 @@ class Nodes:
 
     @staticmethod
     def of(document: GlbDocument) -> "Nodes":
-        """The nodes of a document. Raises ValueError for those that hang on each other."""
+        """The nodes of a document. Raises ValueError if they are no trees."""
         nodes = several(document.json, "nodes")
         if len(nodes) > MOST_NODES:
             raise ValueError(
@@ -173,28 +175,28 @@ class Nodes:
             raise ValueError("its nodes hang on each other in a circle")
         return Nodes(tuple(order), parents, nodes)
 
-    def above(self, some: set[int]) -> tuple[int, ...]:
-        """These nodes and all those that they hang on, each after its parent."""
-        found: set[int] = set()
-        for number in some:
-            while number != -1 and number not in found:
-                found.add(number)
+    def above(self, numbers: set[int]) -> tuple[int, ...]:
+        """These nodes and all their ancestors, each after its parent."""
+        above: set[int] = set()
+        for number in numbers:
+            while number != -1 and number not in above:
+                above.add(number)
                 number = self.parents[number]
-        return tuple(number for number in self.order if number in found)
+        return tuple(number for number in self.order if number in above)
 
-    def world(
-        self, some: set[int], tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def world(self, numbers: set[int], tracks: Tracks, times: Array) -> Array:
         """The motions (S, len(some), 4, 4) of some nodes, in rising order, at times (S,) s."""
-        found: dict[int, Array] = {}
-        for number in self.above(some):
-            parts = {
-                path: track.at(times) for (node, path), track in tracks.items() if node == number
+        worlds: dict[int, Array] = {}
+        for number in self.above(numbers):
+            animated = {
+                path: tracks[number, path].at(times)
+                for path in IDENTITY
+                if (number, path) in tracks
             }
-            own = local_motions(self.json[number], parts, len(times))
-            above = self.parents[number]
-            found[number] = own if above == -1 else found[above] @ own
-        return np.stack([found[number] for number in sorted(some)], axis=1)
+            local = local_motions(self.json[number], animated, len(times))
+            parent = self.parents[number]
+            worlds[number] = local if parent == -1 else worlds[parent] @ local
+        return np.stack([worlds[number] for number in sorted(numbers)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +207,8 @@ class Skin:
         nodes: the number of each joint's node.
         parents: (K,) with parents[0] == -1.
         names: (K,) different names.
-        to_rest: (K, 4, 4) from the world in which the skin was bound to the joint's node.
-        rest: (K, 3) where the joints were in that world.
+        to_rest: (K, 4, 4) from the space in which the skin was bound to the joint's node.
+        rest: (K, 3) where the joints were in that space.
     """
 
     nodes: tuple[int, ...]
@@ -217,39 +219,33 @@ class Skin:
 
     def only(self, kept: list[int]) -> "Skin":
         """Some of the joints, of which the first is the root."""
-        place = {k: i for i, k in enumerate(kept)}
+        index_of = {k: i for i, k in enumerate(kept)}
         return Skin(
             tuple(self.nodes[k] for k in kept),
-            tuple(place.get(self.parents[k], -1) if i else -1 for i, k in enumerate(kept)),
+            tuple(index_of.get(self.parents[k], -1) if i else -1 for i, k in enumerate(kept)),
             tuple(self.names[k] for k in kept),
             self.to_rest[kept],
             self.rest[kept],
         )
 
-    def below(self, root: int) -> list[int]:
-        """A joint and all those below it."""
-        found = [root]
-        for k in range(root + 1, len(self.parents)):
-            if self.parents[k] in found:
-                found.append(k)
-        return found
-
-    def motions(
-        self, nodes: Nodes, tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def motions(self, nodes: Nodes, tracks: Tracks, times: Array) -> Array:
         """What takes the joints from rest to where they are, (S, K, 4, 4), at times (S,) s."""
-        some = {*self.nodes}
-        column = {number: i for i, number in enumerate(sorted(some))}
+        numbers = {*self.nodes}
+        column = {number: i for i, number in enumerate(sorted(numbers))}
         columns = [column[number] for number in self.nodes]
-        found = np.empty((len(times), len(self.nodes), 4, 4))
-        for first in range(0, len(times), TOGETHER):
-            part = slice(first, first + TOGETHER)
-            found[part] = nodes.world(some, tracks, times[part])[:, columns] @ self.to_rest
-        return found
+        motions = np.empty((len(times), len(self.nodes), 4, 4))
+        for first in range(0, len(times), FRAMES_AT_ONCE):
+            chunk = slice(first, first + FRAMES_AT_ONCE)
+            motions[chunk] = nodes.world(numbers, tracks, times[chunk])[:, columns] @ self.to_rest
+        return motions
 
 
 def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]:
-    """The skin with most joints, and sentences on what is left out. Raises ValueError."""
+    """The skin with most joints, and sentences on what is left out. Raises ValueError.
+
+    The transform of the node that wears it is ignored, as section 3.7.3.3 demands: bind matrices
+    lead from the space in which vertices are written to the joints.
+    """
     skins = several(document.json, "skins")
     sizes = [len(children(skin, "joints")) for skin in skins]
     if not any(sizes):
@@ -258,67 +254,63 @@ def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]
     notes = (
         [f"of {len(skins)} skins, that with {max(sizes)} joints is read"] if len(skins) > 1 else []
     )
-    listed, inverse = skin_joints(document, number)
-    for one in listed:
-        document.entry("nodes", one)
-    worn = next((i for i, node in enumerate(nodes.json) if node.get("skin") == number), None)
-    bound = np.eye(4) if worn is None else nodes.world({worn}, {}, np.zeros(1))[0, 0]
-    if inverse is None:  # bound where the nodes are
-        world = nodes.world({*listed}, {}, np.zeros(1))[0]
-        inverse = np.linalg.inv(world[np.argsort(np.argsort(listed))]) @ bound
+    joints, to_rest = skin_joints(document, number)
+    for joint in joints:
+        document.entry("nodes", joint)
     try:
-        rest = (bound @ np.linalg.inv(inverse))[:, :3, 3]
-        to_rest = inverse @ np.linalg.inv(bound)
+        if to_rest is None:  # bound where the nodes are
+            world = nodes.world({*joints}, {}, np.zeros(1))[0]
+            to_rest = np.linalg.inv(world[np.argsort(np.argsort(joints))])
+        rest = np.asarray(np.linalg.inv(to_rest)[:, :3, 3], dtype=float)
     except np.linalg.LinAlgError as error:
         raise ValueError("a bind matrix of its skin has no inverse") from error
     if not np.isfinite(to_rest).all() or not np.isfinite(rest).all():
         raise ValueError("a bind matrix of its skin is not finite")
-    skin, more = _tree(nodes, listed, to_rest, rest)
-    return skin, (*notes, *more)
+    skin, tree_notes = _tree(nodes, joints, to_rest, rest)
+    return skin, (*notes, *tree_notes)
 
 
 def _tree(
-    nodes: Nodes, listed: list[int], to_rest: Array, rest: Array
+    nodes: Nodes, joints: list[int], to_rest: Array, rest: Array
 ) -> tuple[Skin, tuple[str, ...]]:
-    """The largest tree of the joints: the parent of each is the next joint that it hangs on.
+    """The largest tree of the joints: the parent of each is its nearest ancestor among them.
 
     They are in the order of the skin, if each comes after its parent there.
     """
-    where = {number: k for k, number in enumerate(listed)}
-    order = [where[number] for number in nodes.order if number in where]
-    if all(
-        where[up] < k
-        for k, one in enumerate(listed)
-        for up in nodes.above({one})
-        if up in where and up != one
-    ):
-        order = [*range(len(listed))]
-    place = {k: i for i, k in enumerate(order)}
-    parents = []
-    for k in order:
-        above = nodes.parents[listed[k]]
-        while above != -1 and above not in where:
-            above = nodes.parents[above]
-        parents.append(-1 if above == -1 else place[where[above]])
-    given = [str(nodes.json[listed[k]].get("name") or "")[:100] for k in order]
-    names, renamed = different_names(given)
-    skin = Skin(tuple(listed[k] for k in order), tuple(parents), names, to_rest[order], rest[order])
-    roots = [i for i, parent in enumerate(parents) if parent == -1]
-    if len(roots) == 1:
+    index_of = {number: k for k, number in enumerate(joints)}
+    ancestors = []
+    for joint in joints:
+        parent = nodes.parents[joint]
+        while parent != -1 and parent not in index_of:
+            parent = nodes.parents[parent]
+        ancestors.append(index_of.get(parent, -1))
+    order = [*range(len(joints))]
+    if any(ancestor > k for k, ancestor in enumerate(ancestors)):
+        order = [index_of[number] for number in nodes.order if number in index_of]
+    new_index = {-1: -1, **{k: i for i, k in enumerate(order)}}
+    parents = tuple(new_index[ancestors[k]] for k in order)
+    names_in_file = [str(nodes.json[joints[k]].get("name") or "")[:100] for k in order]
+    names, renamed = different_names(names_in_file)
+    skin = Skin(tuple(joints[k] for k in order), parents, names, to_rest[order], rest[order])
+    roots: list[int] = []
+    for i, parent in enumerate(parents):
+        roots.append(i if parent == -1 else roots[parent])
+    sizes = Counter(roots)
+    if len(sizes) == 1:
         return skin, renamed
-    trees = [skin.below(root) for root in roots]
-    kept = max(trees, key=len)
-    lost = [name for i, name in enumerate(names) if i not in kept]
-    note = f"joints in trees of their own are left out: {some_of(lost)}"
+    largest = max(sizes, key=lambda root: sizes[root])
+    kept = [i for i, root in enumerate(roots) if root == largest]
+    left_out = [name for name, root in zip(names, roots, strict=True) if root != largest]
+    note = f"joints in trees of their own are left out: {some_of(left_out)}"
     return skin.only(kept), (*renamed, note)
 
 
 MOST_BYTES = 2**30
 MOST_PLACES = 5_000_000  # joints times frames
-STRETCH = 0.01  # m, by which the place of a joint at its parent may change
-WHOLE = 1e-3  # of a rate: one that is nearly a whole number is that number
-USUAL = 30.0  # frames a second of a motion with a single key
-DO = "export a skin with its animation as .glb or .gltf, without compression"
+MAX_STRETCH = 0.01  # m, by which the place of a joint at its parent may change
+NEARLY_WHOLE = 1e-3  # of a rate: one that is nearly a whole number is that number
+FPS_OF_ONE_KEY = 30.0  # frames a second of a motion with a single key
+ADVICE = "export a skin with its animation as .glb or .gltf, without compression"
 
 
 def read_glb(
@@ -345,7 +337,7 @@ def read_glb(
     animation.
     """
     check_given(unit, up)
-    with taken_for(path, "motion as glTF", DO), damage():
+    with taken_for(path, "motion as glTF", ADVICE), damage():
         document = document_of(bounded(path, MOST_BYTES), Path(path).parent)
         try:
             return _motion_of(document, unit, up, fps, Path(path).name, animation)
@@ -363,23 +355,23 @@ def _motion_of(
 ) -> Motion:
     nodes = Nodes.of(document)
     skin, notes = skin_of(document, nodes)
-    tracks, more = _animation(document, nodes, skin, animation)
-    times, rate, said = _times(tracks, fps)
+    tracks, animation_notes = _animation(document, nodes, skin, animation)
+    times, rate, rate_notes = _times(tracks, fps)
     if len(times) * len(skin.names) > MOST_PLACES:
         raise ValueError(f"{len(times):,} frames of {len(skin.names)} joints are too many")
-    moved = skin.motions(nodes, tracks, times)
-    if not np.isfinite(moved).all():
+    motions = skin.motions(nodes, tracks, times)
+    if not np.isfinite(motions).all():
         raise ValueError("its joints are at places that are not finite")
-    R, scale = _turns(moved)
-    places = np.einsum("tkij,kj->tki", moved[..., :3, :3], skin.rest) + moved[..., :3, 3]
+    R, scale = _rotations_and_scale(motions)
+    places = np.einsum("tkij,kj->tki", motions[..., :3, :3], skin.rest) + motions[..., :3, 3]
     size = float(extents(places).max())
     sizes = sizes_of(skin.names)
     if unit is None and size <= sizes.others[0][1]:
-        unit, why = "m", "the unit is m, as in all files of glTF"
+        unit, unit_note = "m", "the unit is m, as in all files of glTF"
     else:
-        unit, why = unit_of(size, unit, sizes=sizes, units=tuple(UNITS), what=REACH)
+        unit, unit_note = unit_of(size, unit, sizes=sizes, units=tuple(UNITS), what=REACH)
     metres = UNITS[unit]
-    skin, R, places, lost = _rooted(skin, R, places, STRETCH / metres)
+    skin, R, places, root_notes = _without_moving_roots(skin, R, places, MAX_STRETCH / metres)
     parents = np.array(skin.parents)
     local = R.copy()
     local[:, 1:] = R[:, parents[1:]].swapaxes(2, 3) @ R[:, 1:]
@@ -389,39 +381,39 @@ def _motion_of(
     pose = vector_from_matrix(local)
     trans = metres * places[:, 0] - rest[0]
     stretch = float(np.abs(bones.joints(pose, trans) - metres * places).max())
-    if stretch > STRETCH:
+    if stretch > MAX_STRETCH:
         raise ValueError(
             f"its bones change their length, so that joints are up to {stretch:.3f} m elsewhere, "
             "and a skeleton here has bones of one length"
         )
-    axis, pointing = up_of(metres * places, up, "y", what="the skeleton")
+    axis, up_note = up_of(metres * places, up, "y", what="the skeleton")
     if up is None and up_of(metres * places, names=skin.names)[0] == "z":
-        pointing += "; the joints reach farthest along z, so give z as up if the person stands"
-    notes = (why, pointing, *said, *notes, *more, *lost)
-    found = Motion(
+        up_note += "; the joints reach farthest along z, so give z as up if the person stands"
+    notes = (unit_note, up_note, *rate_notes, *notes, *animation_notes, *root_notes)
+    motion = Motion(
         pose, trans, rate, skin.names, _betas(document), bones=bones, origin=name, notes=notes
     )
-    return found.turned(UP_TO_Y[axis])
+    return motion.turned(UP_TO_Y[axis])
 
 
 def _animation(
-    document: GlbDocument, nodes: Nodes, skin: Skin, wanted: str | None
-) -> tuple[dict[tuple[int, str], AnimationTrack], tuple[str, ...]]:
-    """The tracks of one animation, the first that moves the skin unless one is wanted; sentences.
+    document: GlbDocument, nodes: Nodes, skin: Skin, choice: str | None
+) -> tuple[Tracks, tuple[str, ...]]:
+    """The tracks of one animation, the first that moves the skin unless one is chosen; sentences.
 
-    Raises UnknownName for one that is not there.
+    Raises UnknownName for one that does not exist.
     """
     animations = several(document.json, "animations")
-    given = [one.get("name") for one in animations]
-    names = [name if isinstance(name, str) else str(n) for n, name in enumerate(given)]
-    own = {*nodes.above({*skin.nodes})}
-    chosen = [n for n, name in enumerate(names) if wanted in (None, name, str(n))]
-    if wanted is not None and not chosen:
+    names_in_file = [entry.get("name") for entry in animations]
+    names = [name if isinstance(name, str) else str(n) for n, name in enumerate(names_in_file)]
+    nodes_moved = {*nodes.above({*skin.nodes})}
+    chosen = [n for n, name in enumerate(names) if choice in (None, name, str(n))]
+    if choice is not None and not chosen:
         known = some(f"{name} ({n})" for n, name in enumerate(names))
-        raise UnknownName("animation", wanted, hint=known)
-    for number in chosen[: None if wanted is None else 1]:
+        raise UnknownName("animation", choice, hint=known)
+    for number in chosen[: None if choice is None else 1]:
         animation = animations[number]
-        tracks = {k: t for k, t in tracks_of(document, animation).items() if k[0] in own}
+        tracks = {k: t for k, t in tracks_of(document, animation).items() if k[0] in nodes_moved}
         if tracks:
             notes = []
             if len(animations) > 1:
@@ -431,39 +423,39 @@ def _animation(
             if any(isinstance(p, dict) and p.get("path") == "weights" for p in paths):
                 notes.append("the weights of morph targets are not read")
             return tracks, tuple(notes)
-    which = "no animation" if wanted is None else f"an animation {shown(wanted)}, but not one"
+    which = "no animation" if choice is None else f"an animation {shown(choice)}, but not one"
     raise ValueError(f"it has {which} of the joints of its skin")
 
 
-def _times(
-    tracks: dict[tuple[int, str], AnimationTrack], given: float | None
-) -> tuple[Array, float, tuple[str, ...]]:
+def _times(tracks: Tracks, fps: float | None) -> tuple[Array, float, tuple[str, ...]]:
     """The times (T,) s of frames, their rate, and what is to be said about it."""
     first = min(float(t.times[0]) for t in tracks.values())
     last = max(float(t.times[-1]) for t in tracks.values())
     keys = max((t.times for t in tracks.values()), key=len)
     steps = np.diff(keys)
     steps = steps[steps > 0]
-    rate, said = given, tuple[str, ...]()
+    rate, notes = fps, tuple[str, ...]()
     if rate is None and not len(steps):
-        rate, said = USUAL, (f"it has one key frame, and is taken to have {USUAL:g} a second",)
+        rate = FPS_OF_ONE_KEY
+        notes = (f"it has one key frame, and is taken to have {rate:g} a second",)
     elif rate is None:
         rate = 1 / float(np.median(steps))
-        rate = round(rate) if abs(rate - round(rate)) < WHOLE * rate else rate
+        rate = round(rate) if abs(rate - round(rate)) < NEARLY_WHOLE * rate else rate
         if np.ptp(steps) > 0.01 * steps.max():
-            said = (f"key frames are not evenly spaced; {rate:.4g} a second are read off them",)
+            notes = (f"key frames are not evenly spaced; {rate:.4g} a second are read off them",)
     assert rate is not None
     if not 0 < rate < np.inf or not (last - first) * rate < MOST_PLACES:
         raise ValueError(f"{last - first:g} s at {rate:g} frames a second are no motion")
     count = int((last - first) * rate + 0.01) + 1
     times = first + np.arange(count) / rate
     nearest = keys[np.searchsorted(0.5 * (keys[1:] + keys[:-1]), times)]
-    return np.where(np.abs(times - nearest) < WHOLE / rate, nearest, times), float(rate), said
+    times = np.where(np.abs(times - nearest) < NEARLY_WHOLE / rate, nearest, times)
+    return times, float(rate), notes
 
 
-def _turns(moved: Array) -> tuple[Array, float]:
+def _rotations_and_scale(motions: Array) -> tuple[Array, float]:
     """The rotations (T, K, 3, 3) of motions with a scale, and the scale of the first frame."""
-    A = moved[..., :3, :3]
+    A = motions[..., :3, :3]
     sizes = np.linalg.det(A)
     if not (sizes > 0).all():
         raise ValueError("a joint is mirrored, or has no size, and no rotation does that")
@@ -472,31 +464,31 @@ def _turns(moved: Array) -> tuple[Array, float]:
     return R, float(np.median(scales[0]))
 
 
-def _rooted(
-    skin: Skin, R: Array, places: Array, most: float
+def _without_moving_roots(
+    skin: Skin, R: Array, places: Array, tolerance: float
 ) -> tuple[Skin, Array, Array, tuple[str, ...]]:
     """The skin without joints at its root from which the only child moves away."""
-    lost = []
+    left_out = []
     while skin.parents.count(0) == 1 and len(skin.names) > 1:
-        away = np.einsum("tji,tj->ti", R[:, 0], places[:, 1] - places[:, 0])
-        if np.ptp(away, axis=0).max() <= most:
+        offset = np.einsum("tji,tj->ti", R[:, 0], places[:, 1] - places[:, 0])
+        if np.ptp(offset, axis=0).max() <= tolerance:
             break
-        lost.append(skin.names[0])
+        left_out.append(skin.names[0])
         skin, R, places = skin.only([*range(1, len(skin.names))]), R[:, 1:], places[:, 1:]
-    said = (f"left out at the root, because their child moves away: {', '.join(lost)}",)
-    return skin, R, places, said if lost else ()
+    note = (f"left out at the root, because their child moves away: {', '.join(left_out)}",)
+    return skin, R, places, note if left_out else ()
 
 
 def _betas(document: GlbDocument) -> Array:
     """The betas that the workbench wrote into the file."""
     asset: Any = document.json.get("asset")
     extras = asset.get("extras") if isinstance(asset, dict) else None
-    given = extras.get("betas") if isinstance(extras, dict) else None
-    if not isinstance(given, list) or len(given) > 1000 or asset.get("generator") != "workbench":
+    betas = extras.get("betas") if isinstance(extras, dict) else None
+    if not isinstance(betas, list) or len(betas) > 1000 or asset.get("generator") != "workbench":
         return np.zeros(0)
-    if not all(isinstance(b, int | float) and np.isfinite(b) for b in given):
+    if not all(isinstance(b, int | float) and np.isfinite(b) for b in betas):
         return np.zeros(0)
-    return np.array(given, dtype=float)
+    return np.array(betas, dtype=float)
 
 
 def write_glb(

@@ -18,7 +18,7 @@ from workbench.reading.facts import bounded
 from workbench.writing import write_file
 
 MOST_NUMBERS = 25_000_000  # coordinates of a recording: 80 markers for 14 minutes at 120 fps
-LARGEST = 1e9  # of a coordinate, in any unit
+LARGEST_NUMBER = 1e9  # of a coordinate, in any unit
 MOST_BYTES = 2**29
 LENGTHS = {
     "m": ("m", "meter", "meters", "metre", "metres"),
@@ -56,7 +56,7 @@ def unit_named(text: str) -> str | None:
 def checked_places(places: Array) -> Array:
     """The same places. Raises ValueError for infinite numbers, and such as no recording has."""
     with np.errstate(invalid="ignore"):
-        wrong = np.abs(places) > LARGEST
+        wrong = np.abs(places) > LARGEST_NUMBER
     if wrong.any():
         t, m, _ = (int(i) for i in np.argwhere(wrong)[0])
         raise ValueError(f"frame {t} has point {m} at {places[t, m]}, which is no place")
@@ -70,7 +70,7 @@ PROCESSORS = {84: "<", 85: "dec", 86: ">"}
 MOST_PARAMETERS = 10_000
 COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # points that are no places
 MOST_RATE = 1e6  # frames a second
-SAME = 1e-5  # how far two statements of a scale or a rate may differ, relative to either
+SAME_NUMBER = 1e-5  # how far two statements of a scale or a rate may differ, relative to either
 Parameter = NDArray[np.float64] | tuple[str, ...]
 
 
@@ -108,15 +108,7 @@ class _Numbers:
 
 
 def _c3d(content: bytes) -> Trajectories:
-    if len(content) < BLOCK or content[1] != 0x50:
-        raise ValueError("it does not begin as a C3D file does")
-    at = (content[0] - 1) * BLOCK
-    if not content[0] or len(content) < at + 4:
-        raise ValueError("it ends before its parameters")
-    if content[at + 3] not in PROCESSORS:
-        raise ValueError(f"its processor has the number {content[at + 3]}, and there are 84 to 86")
-    numbers = _Numbers(PROCESSORS[content[at + 3]])
-    parameters = _parameters(content, at + 4, numbers)
+    numbers, parameters = _numbers_and_parameters(content)
     # points and other measurements in each frame, the numbers of the first and the last frame as
     # far as they fit into two bytes, and the block in which the frames begin, counted from 1
     head = [int(word) % 65536 for word in numbers.words(content[:BLOCK])]
@@ -124,20 +116,7 @@ def _c3d(content: bytes) -> Trajectories:
     used = _number(parameters, "POINT:USED")
     if used is not None and used % 65536 != M:
         raise ValueError(f"its header says {M} points, and POINT:USED says {used:g}")
-    scale, rate = (float(numbers.floats(content[i : i + 4])[0]) for i in (12, 20))
-    fps, notes = rate, []
-    for name, own in (("SCALE", scale), ("RATE", rate)):
-        other = _number(parameters, f"POINT:{name}") or np.nan
-        if not 0 < abs(other) < 1e6 or abs(own - other) <= SAME * max(abs(own), abs(other)):
-            continue
-        if name == "SCALE" and (own < 0) != (other < 0):  # floats have a negative one
-            raise ValueError(f"its header says scale {own:g}, and POINT:SCALE says {other:g}")
-        if name == "RATE" and other < 0:
-            continue
-        scale, fps = (other, fps) if name == "SCALE" else (scale, other)
-        notes.append(f"its header says {own:g}, and POINT:{name} {other:g}, which counts")
-    if not np.isfinite(scale) or not scale or abs(scale) > 1e6:
-        raise ValueError(f"its scale is {scale:g}, which makes no lengths")
+    scale, fps, notes = _scale_and_fps(content, numbers, parameters)
     T = _frames(first, last, parameters)
     if not M or 3 * T * M > MOST_NUMBERS:
         raise ValueError(f"{T} frames of {M} points are none, or too many to be read")
@@ -153,25 +132,68 @@ def _c3d(content: bytes) -> Trajectories:
     row = width * (4 * M + analog)
     if begin < BLOCK or begin + T * row > len(content):
         raise ValueError(f"it ends before {T:,} frames of {M} points, which it says it has")
-    each = np.frombuffer(content, np.uint8, T * row, begin).reshape(T, row)[:, : 4 * width * M]
+    points = np.frombuffer(content, np.uint8, T * row, begin).reshape(T, row)[:, : 4 * width * M]
     read = numbers.floats if scale < 0 else numbers.words
-    table = np.asarray(read(each.tobytes()), np.float64).reshape(T, M, 4)
+    table = np.asarray(read(points.tobytes()), np.float64).reshape(T, M, 4)
     places = table[..., :3] * (1.0 if scale < 0 else scale)
     places[~(table[..., 3] >= 0)] = np.nan
-    names = [*_texts(parameters, "POINT:LABELS"), *[""] * M][:M]
-    computed = {text for kind in COMPUTED for text in _texts(parameters, f"POINT:{kind}") if text}
-    kept = [m for m, name in enumerate(names) if name not in computed]
-    if len(kept) < M:
-        notes.append(f"left out are {some(n for n in names if n in computed)}, which are computed")
-    if not kept:
-        raise ValueError("all of its points are computed, and none is a marker")
+    kept, names = _points_kept(parameters, M, notes)
     if analog:
         notes.append(f"{analog} measurements a frame of other devices are not read")
-    labels, renamed = different_names([names[m] for m in kept], "point")
+    labels, renamed = different_names(names, "point")
     unit = next((unit_named(text) for text in _texts(parameters, "POINT:UNITS")), None)
     places = checked_places(places)[:, kept]
-    known = fps if 0 < fps < MOST_RATE else None
-    return Trajectories(places, labels, known, unit, (*notes, *renamed))
+    rate = fps if 0 < fps < MOST_RATE else None
+    return Trajectories(places, labels, rate, unit, (*notes, *renamed))
+
+
+def _numbers_and_parameters(content: bytes) -> tuple[_Numbers, dict[str, Parameter]]:
+    """How numbers are written in a file, and its parameters."""
+    if len(content) < BLOCK or content[1] != 0x50:
+        raise ValueError("it does not begin as a C3D file does")
+    position = (content[0] - 1) * BLOCK
+    if not content[0] or len(content) < position + 4:
+        raise ValueError("it ends before its parameters")
+    processor = content[position + 3]
+    if processor not in PROCESSORS:
+        raise ValueError(f"its processor has the number {processor}, and there are 84 to 86")
+    numbers = _Numbers(PROCESSORS[processor])
+    return numbers, _parameters(content, position + 4, numbers)
+
+
+def _scale_and_fps(
+    content: bytes, numbers: _Numbers, parameters: Mapping[str, Parameter]
+) -> tuple[float, float, list[str]]:
+    """Scale and rate of a header, or of the parameters that contradict it, and notes on these."""
+    scale, fps = (float(numbers.floats(content[i : i + 4])[0]) for i in (12, 20))
+    notes = []
+    for name, own in (("SCALE", scale), ("RATE", fps)):
+        other = _number(parameters, f"POINT:{name}") or np.nan
+        if not 0 < abs(other) < 1e6 or abs(own - other) <= SAME_NUMBER * max(abs(own), abs(other)):
+            continue
+        if name == "SCALE" and (own < 0) != (other < 0):  # floats have a negative one
+            raise ValueError(f"its header says scale {own:g}, and POINT:SCALE says {other:g}")
+        if name == "RATE" and other < 0:
+            continue
+        scale, fps = (other, fps) if name == "SCALE" else (scale, other)
+        notes.append(f"its header says {own:g}, and POINT:{name} {other:g}, which counts")
+    if not np.isfinite(scale) or not scale or abs(scale) > 1e6:
+        raise ValueError(f"its scale is {scale:g}, which makes no lengths")
+    return scale, fps, notes
+
+
+def _points_kept(
+    parameters: Mapping[str, Parameter], count: int, notes: list[str]
+) -> tuple[list[int], list[str]]:
+    """The numbers and names of the points that are not computed, and a note on the others."""
+    names = [*_texts(parameters, "POINT:LABELS"), *[""] * count][:count]
+    computed = {text for kind in COMPUTED for text in _texts(parameters, f"POINT:{kind}") if text}
+    kept = [m for m, name in enumerate(names) if name not in computed]
+    if not kept:
+        raise ValueError("all of its points are computed, and none is a marker")
+    if len(kept) < count:
+        notes.append(f"left out are {some(n for n in names if n in computed)}, which are computed")
+    return kept, [names[m] for m in kept]
 
 
 def _frames(first: int, last: int, parameters: Mapping[str, Parameter]) -> int:
@@ -191,22 +213,22 @@ def _frames(first: int, last: int, parameters: Mapping[str, Parameter]) -> int:
     return int(min(said, 1e9)) if said is not None and last == 65535 and said > T else T
 
 
-def _parameters(content: bytes, at: int, numbers: _Numbers) -> dict[str, Parameter]:
+def _parameters(content: bytes, position: int, numbers: _Numbers) -> dict[str, Parameter]:
     """Every parameter of every group. Groups are named after the parameters that belong to them."""
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, Parameter]] = []
+    parameters: list[tuple[int, str, Parameter]] = []
     for _ in range(MOST_PARAMETERS):
-        head = content[at : at + 2]
+        head = content[position : position + 2]
         if len(head) < 2 or not head[0]:
             break
         length, group = (abs(int(n)) for n in np.frombuffer(head, np.int8))
-        own = np.frombuffer(head, np.int8)[1] > 0
-        name = content[at + 2 : at + 2 + length].decode("latin-1").strip().upper()
-        pointer = at + 2 + length
+        is_parameter = np.frombuffer(head, np.int8)[1] > 0
+        name = content[position + 2 : position + 2 + length].decode("latin-1").strip().upper()
+        pointer = position + 2 + length
         if len(content) < pointer + 3:
             raise ValueError("it ends within its parameters")
-        if own:
-            found.append((group, name, _value(content, pointer + 2, numbers, name)))
+        if is_parameter:
+            parameters.append((group, name, _value(content, pointer + 2, numbers, name)))
         else:
             groups[group] = name
         step = int(numbers.words(content[pointer : pointer + 2])[0])
@@ -214,20 +236,21 @@ def _parameters(content: bytes, at: int, numbers: _Numbers) -> dict[str, Paramet
             break
         if step < 3:
             raise ValueError(f"the parameter {name[:30]!r} points back")
-        at = pointer + step
+        position = pointer + step
     else:
         raise ValueError(f"it has more than {MOST_PARAMETERS:,} parameters")
-    return {f"{groups.get(group, group)}:{name}": value for group, name, value in found}
+    return {f"{groups.get(group, group)}:{name}": value for group, name, value in parameters}
 
 
-def _value(content: bytes, at: int, numbers: _Numbers, name: str) -> Parameter:
+def _value(content: bytes, position: int, numbers: _Numbers, name: str) -> Parameter:
     """A parameter: numbers in one row, or texts, whose first dimension is their length."""
-    if len(content) < at + 2:
+    if len(content) < position + 2:
         raise ValueError("it ends within its parameters")
-    kind, dims = int(np.frombuffer(content[at : at + 1], np.int8)[0]), content[at + 1]
-    shape = tuple(content[at + 2 : at + 2 + dims])
+    kind = int.from_bytes(content[position : position + 1], "little", signed=True)
+    dims = content[position + 1]
+    shape = tuple(content[position + 2 : position + 2 + dims])
     width, count = abs(kind), prod(shape)
-    data = content[at + 2 + dims : at + 2 + dims + width * count]
+    data = content[position + 2 + dims : position + 2 + dims + width * count]
     if kind not in (-1, 1, 2, 4) or len(shape) < dims or len(data) < width * count or dims > 7:
         raise ValueError(f"the parameter {name[:30]!r} is damaged")
     match kind:
@@ -253,15 +276,15 @@ def _number(parameters: Mapping[str, Parameter], name: str) -> float | None:
 
 def _texts(parameters: Mapping[str, Parameter], name: str) -> tuple[str, ...]:
     """The texts of a parameter and of those that continue it: LABELS, LABELS2, LABELS3, ..."""
-    found: list[str] = []
-    more, n = parameters.get(name), 2
-    while isinstance(more, tuple):
-        found += more
-        more, n = parameters.get(f"{name}{n}"), n + 1
-    return tuple(found)
+    texts: list[str] = []
+    continued, n = parameters.get(name), 2
+    while isinstance(continued, tuple):
+        texts += continued
+        continued, n = parameters.get(f"{name}{n}"), n + 1
+    return tuple(texts)
 
 
-OFF = 0.01  # of the rate, by which the times of frames may be off it before this is said
+RATE_TOLERANCE = 0.01  # of the rate, by which the times of frames may be off it before this is said
 
 
 def read_trc(path: str | Path) -> Trajectories:
@@ -281,71 +304,72 @@ def parse_trc(content: bytes) -> Trajectories:
     head = [line.rstrip("\r\n") for _, line in zip(range(4), lines, strict=False)]
     if len(head) < 4 or not head[0].startswith("PathFileType"):
         raise ValueError(f"it begins with {shown(head[0] if head else '')}, and not PathFileType")
-    mark = next((mark for mark in "\t;," if mark in head[3]), None)
-    said = dict(zip(_cells(head[1], mark), _cells(head[2], mark), strict=False))
-    names = [cell for cell in _cells(head[3], mark)[2:] if cell]
-    M, wide = len(names), 3 * len(names) + 2
+    separator = next((mark for mark in "\t;," if mark in head[3]), None)
+    header = dict(zip(_cells(head[1], separator), _cells(head[2], separator), strict=False))
+    names = [cell for cell in _cells(head[3], separator)[2:] if cell]
+    M, width = len(names), 3 * len(names) + 2
     if not M:
         raise ValueError("it names no markers")
     numbers, times = array("d"), array("d")
     for n, line in enumerate(lines, start=5):
-        cells = _cells(line, mark)
+        cells = _cells(line, separator)
         first = next(filter(None, cells), "")
         if not first or first.upper() == "X1" or (n == 5 and not first.isdecimal()):
             continue  # the names of the axes
-        if any(cells[wide:]):
+        if any(cells[width:]):
             raise ValueError(f"line {n} has more than {M} markers")
         if len(numbers) > MOST_NUMBERS:
             raise ValueError(f"it has more than {len(times):,} frames, too many to be read")
         try:
-            found = [float(cell.replace(",", ".")) if cell else np.nan for cell in cells[:wide]]
+            row = [float(cell.replace(",", ".")) if cell else np.nan for cell in cells[:width]]
         except ValueError as error:
             raise ValueError(f"line {n}: {shown(str(error))}") from error
-        found += [np.nan] * (wide - len(found))
-        times.append(found[1])
-        numbers.extend(found[2:])
+        row += [np.nan] * (width - len(row))
+        times.append(row[1])
+        numbers.extend(row[2:])
     T = len(times)
     if not T:
         raise ValueError("it has no frames")
     notes = [
-        f"its header says {cut(said[key] or 'no')} {what}, and it has {count}, which are read"
+        f"its header says {cut(header[key] or 'no')} {what}, and it has {count}, which are read"
         for key, what, count in (("NumFrames", "frames", T), ("NumMarkers", "markers", M))
-        if said.get(key, str(count)) != str(count)
+        if header.get(key, str(count)) != str(count)
     ]
-    fps, more = _rate(said, np.array(times))
+    fps, rate_notes = _rate(header, np.array(times))
     labels, renamed = different_names(names, "point")
     places = checked_places(np.array(numbers).reshape(T, M, 3))
-    unit = unit_named(said.get("Units", ""))
-    return Trajectories(places, labels, fps, unit, (*more, *notes, *renamed))
+    unit = unit_named(header.get("Units", ""))
+    return Trajectories(places, labels, fps, unit, (*rate_notes, *notes, *renamed))
 
 
-def _cells(line: str, mark: str | None) -> list[str]:
+def _cells(line: str, separator: str | None) -> list[str]:
     """The cells of a line, which stand between marks, or spaces where the line has none."""
-    return [cell.strip() for cell in line.split(mark if mark is None or mark in line else None)]
+    if separator is not None and separator not in line:
+        separator = None
+    return [cell.strip() for cell in line.split(separator)]
 
 
-def _rate(said: dict[str, str], times: np.ndarray) -> tuple[float, tuple[str, ...]]:
+def _rate(header: dict[str, str], times: np.ndarray) -> tuple[float, tuple[str, ...]]:
     """Frames a second by DataRate, else by CameraRate, else by the times, and what is doubtful."""
     with np.errstate(all="ignore"):
-        took = float(times[-1] - times[0]) / max(1, len(times) - 1)
-        known = {key: said.get(key, "").replace(",", ".") for key in ("DataRate", "CameraRate")}
-        for key, text in known.items():
+        step = float(times[-1] - times[0]) / max(1, len(times) - 1)
+        for key in ("DataRate", "CameraRate"):
             try:
-                fps = float(text)
+                fps = float(header.get(key, "").replace(",", "."))
             except ValueError:
                 continue
             if not 0 < fps < MOST_RATE:
                 continue
-            notes = [f"its rate is CameraRate, for DataRate is {shown(said.get('DataRate'))}"]
+            notes = [f"its rate is CameraRate, for DataRate is {shown(header.get('DataRate'))}"]
             notes = notes if key != "DataRate" else []
-            if len(times) > 1 and np.isfinite(took) and abs(took * fps - 1) > OFF:
-                apart = f"{took:.6g} s apart by their times, and {1 / fps:.6g} s by {key}"
+            if len(times) > 1 and np.isfinite(step) and abs(step * fps - 1) > RATE_TOLERANCE:
+                apart = f"{step:.6g} s apart by their times, and {1 / fps:.6g} s by {key}"
                 notes.append(f"its frames are {apart}")
             return fps, tuple(notes)
-    if len(times) > 1 and 0 < took < np.inf and 1 / took < MOST_RATE:
-        return 1 / took, (f"its header says no rate; by its times it is {1 / took:.6g}",)
+    if len(times) > 1 and 0 < step < np.inf and 1 / step < MOST_RATE:
+        return 1 / step, (f"its header says no rate; by its times it is {1 / step:.6g}",)
     raise ValueError(
-        f"its DataRate is {shown(said.get('DataRate'))}, which is no number of frames a second"
+        f"its DataRate is {shown(header.get('DataRate'))}, which is no number of frames a second"
     )
 
 
@@ -362,15 +386,15 @@ def write_trc(path: str | Path, markers: Trajectories) -> None:
     if any({"\t", "\n", "\r"} & {*label} or not label.strip() for label in markers.labels):
         raise BadArgument("a label of a .trc is a text without tabs and line breaks; rename it")
     T, M = markers.places.shape[:2]
-    said = {"DataRate": markers.fps, "CameraRate": markers.fps, "NumFrames": T, "NumMarkers": M}
-    said |= {"Units": markers.unit, "OrigDataRate": markers.fps}
-    said |= {"OrigDataStartFrame": 1, "OrigNumFrames": T}
-    rates = {key: f"{v:.10g}" if isinstance(v, float) else str(v) for key, v in said.items()}
+    header = {"DataRate": markers.fps, "CameraRate": markers.fps, "NumFrames": T, "NumMarkers": M}
+    header |= {"Units": markers.unit, "OrigDataRate": markers.fps}
+    header |= {"OrigDataStartFrame": 1, "OrigNumFrames": T}
+    texts = {key: f"{v:.10g}" if isinstance(v, float) else str(v) for key, v in header.items()}
     axes = [f"{axis}{m}" for m in range(1, M + 1) for axis in "XYZ"]
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
-        "\t".join(rates),
-        "\t".join(rates.values()),
+        "\t".join(texts),
+        "\t".join(texts.values()),
         "Frame#\tTime\t" + "\t".join(f"{label}\t\t" for label in markers.labels),
         "\t\t" + "\t".join(axes),
         "",

@@ -18,33 +18,33 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
 
 
-def between(values: Array, at: Array) -> Array:
+def between(values: Array, frames: Array) -> Array:
     """Values (T, ...) at fractional frames (S,), linear from frame to frame: (S, ...)."""
-    before, after, share = _neighbours(len(values), at)
+    before, after, share = _neighbours(len(values), frames)
     shares = share.reshape(-1, *[1] * (values.ndim - 1))
     return np.asarray(values[before] * (1 - shares) + values[after] * shares)
 
 
-def rotations_between(pose: Array, at: Array) -> Array:
+def rotations_between(pose: Array, frames: Array) -> Array:
     """Rotation vectors (T, K, 3) rad at fractional frames (S,): (S, K, 3) rad.
 
     From a to b, R(s) = R_a exp(s log(R_a' R_b)), which turns at a constant speed about one axis by
     at most half a turn (slerp: Shoemake, Animating Rotation with Quaternion Curves, 1985). At whole
     frames the vectors are those that were given.
     """
-    before, after, share = _neighbours(len(pose), at)
+    before, after, share = _neighbours(len(pose), frames)
     first, second = pose[before], pose[after]
     a, b = (Rotation.from_rotvec(v.reshape(-1, 3)) for v in (first, second))
-    way = (a.inv() * b).as_rotvec().reshape(first.shape)
-    turned = a * Rotation.from_rotvec((share[:, None, None] * way).reshape(-1, 3))
-    found = turned.as_rotvec().reshape(first.shape)
-    return np.asarray(np.where((share > 0)[:, None, None], found, first))
+    change = (a.inv() * b).as_rotvec().reshape(first.shape)
+    turned = a * Rotation.from_rotvec((share[:, None, None] * change).reshape(-1, 3))
+    vectors = turned.as_rotvec().reshape(first.shape)
+    return np.asarray(np.where((share > 0)[:, None, None], vectors, first))
 
 
-def _neighbours(T: int, at: Array) -> tuple[Index, Index, Array]:
+def _neighbours(T: int, frames: Array) -> tuple[Index, Index, Array]:
     """The frames before and after, (S,), and how far it is from the one to the other, 0 to 1."""
-    before: Index = np.clip(np.floor(at).astype(np.int64), 0, T - 1)
-    return before, np.minimum(before + 1, T - 1), np.clip(at - before, 0.0, 1.0)
+    before: Index = np.clip(np.floor(frames).astype(np.int64), 0, T - 1)
+    return before, np.minimum(before + 1, T - 1), np.clip(frames - before, 0.0, 1.0)
 
 
 ROUNDING = 1e-9  # frames, by which the last frame of another rate may lie beyond the last one
@@ -87,40 +87,40 @@ class Motion:
 
     def __post_init__(self) -> None:
         names = tuple(map(str, self.joint_names))
-        kept: dict[str, Any] = {
+        arrays: dict[str, Any] = {
             name: reals(name, getattr(self, name)).copy()
             for name in ("pose", "trans", "betas", "expression", "dmpls")
             if getattr(self, name) is not None
         }
-        T, K = len(np.atleast_1d(kept["pose"])), len(names)
-        wanted = {"pose": (T, K, 3), "trans": (T, 3), "betas": ("B",), "expression": (T, "E")}
-        wanted["dmpls"] = (T, "D")
-        for name, array in kept.items():
-            shape = tuple(wanted[name])
-            right = array.ndim == len(shape) and all(
+        T, K = len(np.atleast_1d(arrays["pose"])), len(names)
+        shapes = {"pose": (T, K, 3), "trans": (T, 3), "betas": ("B",), "expression": (T, "E")}
+        shapes["dmpls"] = (T, "D")
+        for name, array in arrays.items():
+            shape = tuple(shapes[name])
+            fits = array.ndim == len(shape) and all(
                 isinstance(n, str) or n == m for n, m in zip(shape, array.shape, strict=True)
             )
-            if not right or (name == "pose" and not array.size):
+            if not fits or (name == "pose" and not array.size):
                 raise BadArgument(
                     f"{name} of a motion of {K} joints in {T} frames, one or more, has the shape "
                     f"({', '.join(map(str, shape))}), not {array.shape}"
                 )
             if not np.isfinite(array).all():
-                at = np.unravel_index(int(np.isfinite(array).argmin()), array.shape)
+                where = np.unravel_index(int(np.isfinite(array).argmin()), array.shape)
                 raise BadArgument(
-                    f"{name} is {array[at]} at {[int(i) for i in at]}; leave such frames out"
+                    f"{name} is {array[where]} at {[int(i) for i in where]}; leave such frames out"
                 )
         if not _above_zero(self.fps):
             raise BadArgument(f"fps is a number above 0, not {self.fps!r:.60}")
         if len({*names}) < len(names):
-            twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-            raise BadArgument(f"two joints are called {some_of(twice)}; each needs its own name")
+            repeated = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+            raise BadArgument(f"two joints are called {some_of(repeated)}; each needs its own name")
         if self.bones is not None and len(self.bones.parents) != len(names):
             raise BadArgument(
                 f"the skeleton has {len(self.bones.parents)} joints, and {len(names)} have names"
             )
         notes = tuple(map(str, self.notes))
-        self.__dict__.update(kept, fps=float(self.fps), joint_names=names, notes=notes)
+        self.__dict__.update(arrays, fps=float(self.fps), joint_names=names, notes=notes)
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -164,9 +164,9 @@ class Motion:
         if count > 1e7:
             raise BadArgument(f"{self.seconds:g} s at {fps:g} frames a second are too many frames")
         times = np.arange(int(count)) * (self.fps / fps)
-        at: Array = np.where(abs(times - np.rint(times)) < ROUNDING, np.rint(times), times)
-        pose = rotations_between(self.pose, at)
-        lines = {name: between(line, at) for name, line in self._lines.items()}
+        frames: Array = np.where(abs(times - np.rint(times)) < ROUNDING, np.rint(times), times)
+        pose = rotations_between(self.pose, frames)
+        lines = {name: between(line, frames) for name, line in self._lines.items()}
         return replace(self, pose=pose, fps=float(fps), **lines)  # type: ignore[arg-type]
 
     def turned(self, turn: ArrayLike, root: ArrayLike | None = None) -> "Motion":
@@ -180,10 +180,10 @@ class Motion:
         R = np.asarray(turn, dtype=float)
         if root is None:
             root = np.zeros(3) if self.bones is None else self.bones.offsets[0]
-        at = np.asarray(root, dtype=float)
+        root_place = np.asarray(root, dtype=float)
         pose = self.pose.copy()
         pose[:, 0] = (Rotation.from_matrix(R) * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
-        return replace(self, pose=pose, trans=(self.trans + at) @ R.T - at)
+        return replace(self, pose=pose, trans=(self.trans + root_place) @ R.T - root_place)
 
     def named(self, body: Body) -> "Motion":
         """The motion with the joints of a body, in the body's order, without bones.
@@ -196,63 +196,70 @@ class Motion:
         which are not the same places on a body of other proportions. Raises BadArgument if most
         joints have no partner, as the body would be a statue then.
         """
-        ours = {name: k for k, name in enumerate(self.joint_names)}
-        common = [name for name in body.joint_names if name in ours]
-        if 2 * len(common) < min(len(ours), len(body.joint_names)) or not common:
+        own_index = {name: k for k, name in enumerate(self.joint_names)}
+        common = [name for name in body.joint_names if name in own_index]
+        if 2 * len(common) < min(len(own_index), len(body.joint_names)) or not common:
             raise BadArgument(
-                f"of the {len(ours)} joints of the motion ({some_of(self.joint_names)}), "
+                f"of the {len(own_index)} joints of the motion ({some_of(self.joint_names)}), "
                 f"{len(common)} have a partner among those of body {body.name!r} "
                 f"({some_of(body.joint_names)}), which would stand still; rename the joints of the "
                 "motion, or play it on its own bones"
             )
         notes = []
-        if still := [name for name in body.joint_names if name not in ours]:
+        if still := [name for name in body.joint_names if name not in own_index]:
             notes.append(f"joints of the body that the motion lacks stay at rest: {some_of(still)}")
-        if lost := [name for name in ours if name not in body.joint_names]:
-            notes.append(f"joints that the body lacks are left out: {some_of(lost)}")
+        if left_out := [name for name in own_index if name not in body.joint_names]:
+            notes.append(f"joints that the body lacks are left out: {some_of(left_out)}")
         pose = np.tile(body.bind_pose, (len(self), 1, 1))
-        there = [k for k, name in enumerate(body.joint_names) if name in ours]
-        pose[:, there] = self.pose[:, [ours[body.joint_names[k]] for k in there]]
-        space, betas, face = shape_space(body), self.betas, self.expression
-        most = body.n_betas - _soft(body) if face is None else len(space.shape)
-        if len(betas) > most:
-            what = "betas" if face is None else "betas of shape"
-            notes.append(f"of {len(betas)} betas, the body has the first {most} as {what}")
-            betas = betas[:most]
-        if face is not None and not space.expression:
-            notes.append("the expression is kept, but the body has no face that it moves")
-        elif face is not None and face.shape[1] > len(space.expression):
-            notes.append(
-                f"of {face.shape[1]} coefficients of expression, the body has the first "
-                f"{len(space.expression)}"
-            )
-            face = face[:, : len(space.expression)]
+        body_index = [k for k, name in enumerate(body.joint_names) if name in own_index]
+        pose[:, body_index] = self.pose[:, [own_index[body.joint_names[k]] for k in body_index]]
+        betas, expression, coefficient_notes = self._coefficients_on(body)
         trans = self.trans
         if self.bones is not None:  # whose root may rest elsewhere than the body's
-            at = body.joints(np.zeros((body.n_joints, 3)), betas)[0]
-            trans = trans + self.bones.offsets[0] - at
+            body_root = body.joints(np.zeros((body.n_joints, 3)), betas)[0]
+            trans = trans + self.bones.offsets[0] - body_root
         return replace(
             self,
             pose=pose,
             trans=trans,
             betas=betas,
-            expression=face,
+            expression=expression,
             joint_names=tuple(body.joint_names),
             bones=None,
-            notes=(*self.notes, *notes),
+            notes=(*self.notes, *notes, *coefficient_notes),
         )
+
+    def _coefficients_on(self, body: Body) -> tuple[Array, Array | None, list[str]]:
+        """Betas and expression without those beyond the body's, and notes."""
+        notes = []
+        space, betas, expression = shape_space(body), self.betas, self.expression
+        most = body.n_betas - _tissue_count(body) if expression is None else len(space.shape)
+        if len(betas) > most:
+            what = "betas" if expression is None else "betas of shape"
+            notes.append(f"of {len(betas)} betas, the body has the first {most} as {what}")
+            betas = betas[:most]
+        if expression is not None and not space.expression:
+            notes.append("the expression is kept, but the body has no face that it moves")
+        elif expression is not None and expression.shape[1] > len(space.expression):
+            notes.append(
+                f"of {expression.shape[1]} coefficients of expression, the body has the first "
+                f"{len(space.expression)}"
+            )
+            expression = expression[:, : len(space.expression)]
+        return betas, expression, notes
 
     def betas_on(self, body: Body) -> Array:
         """The betas of a body in all frames, (B,), or (T, B) if its face or its tissue moves.
 
         An expression moves the face of a body that has one, and dmpls the tissue of `with_dmpls`.
         """
-        here, space, soft = self.named(body), shape_space(body), _soft(body)
+        here, space, tissue_count = self.named(body), shape_space(body), _tissue_count(body)
         betas = np.zeros(body.n_betas)
         betas[: len(here.betas)] = here.betas
-        if soft and here.dmpls is not None:
-            rows, own = np.tile(betas, (len(self), 1)), here.dmpls[:, :soft]
-            rows[:, body.n_betas - soft : body.n_betas - soft + own.shape[1]] = own
+        if tissue_count and here.dmpls is not None:
+            rows, dmpls = np.tile(betas, (len(self), 1)), here.dmpls[:, :tissue_count]
+            first = body.n_betas - tissue_count
+            rows[:, first : first + dmpls.shape[1]] = dmpls
             return rows
         if here.expression is None or not space.expression:
             return betas
@@ -289,7 +296,7 @@ class Motion:
         return sign + "xyz"[axis], float(abs(pointing[axis]))
 
 
-def _soft(body: Body) -> int:
+def _tissue_count(body: Body) -> int:
     """How many of the last betas of a body are coefficients of `with_dmpls`."""
     return int(body.extras.get("dmpls", 0))
 
@@ -317,18 +324,18 @@ def without_gaps(
     if not len(whole):
         raise BadArgument("no frame of the motion is whole: each one holds NaN")
     first, last = int(whole[0]), int(whole[-1])
-    at = np.interp(np.arange(first, last + 1), whole, np.arange(len(whole)))
-    filled, cut = int(missing[first:last].sum()), T - (last + 1 - first)
-    said = []
-    if filled:
-        said.append(f"{filled} of {T} frames were not found, and are interpolated")
-    if cut:
-        said.append(f"{cut} of {T} frames at the ends were not found, and are left out")
-    moved = {name: between(line[whole], at) for name, line in lines.items()}
-    return rotations_between(pose[whole], at), moved, tuple(said)
+    frames = np.interp(np.arange(first, last + 1), whole, np.arange(len(whole)))
+    interpolated, left_out = int(missing[first:last].sum()), T - (last + 1 - first)
+    notes = []
+    if interpolated:
+        notes.append(f"{interpolated} of {T} frames were not found, and are interpolated")
+    if left_out:
+        notes.append(f"{left_out} of {T} frames at the ends were not found, and are left out")
+    moved = {name: between(line[whole], frames) for name, line in lines.items()}
+    return rotations_between(pose[whole], frames), moved, tuple(notes)
 
 
-FEWEST = 4  # frames, of a cubic spline with free ends
+SPLINE_FRAMES = 4  # frames, of a cubic spline with free ends
 
 
 def splined(motion: Motion, fps: float) -> Motion:
@@ -342,26 +349,26 @@ def splined(motion: Motion, fps: float) -> Motion:
     Raises BadArgument for fewer than 4 frames, a rate that is not above zero, or one that makes
     more than ten million frames.
     """
-    if len(motion) < FEWEST:
+    if len(motion) < SPLINE_FRAMES:
         raise BadArgument(
-            f"a spline needs {FEWEST} frames or more, and this motion has {len(motion)}; "
+            f"a spline needs {SPLINE_FRAMES} frames or more, and this motion has {len(motion)}; "
             "use motion.resampled, or a longer motion"
         )
-    times = motion.resampled(fps)  # checks the rate
-    at = np.arange(len(times)) / times.fps
-    known = np.arange(len(motion)) / motion.fps
+    resampled = motion.resampled(fps)  # checks the rate
+    new_times = np.arange(len(resampled)) / resampled.fps
+    old_times = np.arange(len(motion)) / motion.fps
     pose = np.stack(
         [
-            RotationSpline(known, Rotation.from_rotvec(turns))(at).as_rotvec()
+            RotationSpline(old_times, Rotation.from_rotvec(turns))(new_times).as_rotvec()
             for turns in motion.pose.swapaxes(0, 1)
         ],
         axis=1,
     )
-    note = f"resampled by splines from {motion.fps:g} to {times.fps:g} frames a second"
+    note = f"resampled by splines from {motion.fps:g} to {resampled.fps:g} frames a second"
     return replace(
         motion,
         pose=pose,
-        fps=times.fps,
+        fps=resampled.fps,
         notes=(*motion.notes, note),
-        **{name: CubicSpline(known, line)(at) for name, line in motion._lines.items()},  # type: ignore[arg-type]
+        **{name: CubicSpline(old_times, line)(new_times) for name, line in motion._lines.items()},  # type: ignore[arg-type]
     )

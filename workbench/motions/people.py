@@ -23,7 +23,7 @@ from workbench.geometry.rotation import vector_from_matrix
 from workbench.motions.contents import Contents, Tree
 
 FACTS = ("gender", "rate", "ids")  # parts that are said of all that a dictionary holds
-MAIN = ("pose", "body")  # without one of which there is no pose
+POSES = ("pose", "body")  # without one of which there is no pose
 JOINTS: dict[str, tuple[int, ...]] = {  # how many joints an array of a part may hold
     **{"pose": (24, 22, 52, 55, 23, 21), "root": (1,), "body": (21, 23), "head": (3,)},
     **{"left_hand": (15,), "right_hand": (15,), "hands": (30,)},
@@ -37,7 +37,7 @@ MOTION_X = {  # how many columns of an array (T, 322) without a name belong to w
 }
 FEATURES = (263, 251)  # columns of HumanML3D's and KIT-ML's features
 EASYMOCAP = {78: 66, 87: 66}  # columns of its poses, and how many are rotation vectors
-LOOSE = 0.05  # of R R' - I, in files that hold matrices in single or half precision
+MATRIX_TOLERANCE = 0.05  # of R R' - I, in files that hold matrices in single or half precision
 MOST_NUMBERS = 30_000_000
 MOST_PEOPLE = 30  # in one frame
 DEEPEST = 6  # dictionaries in dictionaries
@@ -126,13 +126,16 @@ class People:
     def _below(
         self, node: Tree, outer: Mapping[str, Tree], apart: bool, depth: int
     ) -> dict[str, Track]:
-        """Everybody below a node. Lists there are of people if they are `apart`, else of frames."""
+        """Everybody below a node. Lists there are of people if they are `apart`, else of frames.
+
+        `outer` are the facts that stand above it.
+        """
         value = self._contents.plain(node)
         if isinstance(value, np.ndarray) and depth == 0:
-            value = _named(value)
+            value = _parts_of_unnamed(value)
         if depth > DEEPEST or not isinstance(value, (dict, list)):
             return {}
-        frames = False
+        are_images = False
         if isinstance(value, list):
             ids = self._ids(outer)
             apart = apart or len(ids) == len(value) > 0
@@ -143,30 +146,22 @@ class People:
                 self.met.setdefault(key, False)
             if people := self._here(value, outer, apart):
                 return people
-            more = self._contents.plain(value.get("meta"))  # facts in mmhuman3d's HumanData
-            outer = {**outer, **_facts(value), **(_facts(more) if isinstance(more, dict) else {})}
+            meta = self._contents.plain(value.get("meta"))  # facts in mmhuman3d's HumanData
+            outer = {**outer, **_facts(value), **(_facts(meta) if isinstance(meta, dict) else {})}
             for line in lines_of("within"):
                 inside = apart or line.form == "people"
-                if there := self._below(value.get(line.key), outer, inside, depth + 1):
+                if people := self._below(value.get(line.key), outer, inside, depth + 1):
                     self.met[line.key] = True
-                    return there
+                    return people
+            are_images = all(re.search(r"\.[a-zA-Z]{2,4}$", name) for name in value)
             items = value
-            frames = all(re.search(r"\.[a-zA-Z]{2,4}$", name) for name in value)  # of images
         groups = {
-            name: there
-            for name, one in items.items()
-            if (there := self._below(one, outer, apart or frames, depth + 1))
+            name: people
+            for name, item in items.items()
+            if (people := self._below(item, outer, apart or are_images, depth + 1))
         }
         self.met.update((name, True) for name in groups if name in self.met)
-        long = any(len(track) > 1 for group in groups.values() for track in group.values())
-        named = [name for group in groups.values() for name in group]
-        if frames or not (apart or long or (all(named) and len({*named}) == len(named))):
-            return _joined(list(groups.values()))
-        return {
-            inner if inner and len(group) == 1 else f"{name} {inner}".strip(): track
-            for name, group in groups.items()
-            for inner, track in group.items()
-        }
+        return _joined(list(groups.values())) if are_images else _together(groups, apart)
 
     def _ids(self, facts: Mapping[str, Tree]) -> tuple[str, ...]:
         """The names of people that stand in a dictionary."""
@@ -174,7 +169,7 @@ class People:
             array = self._contents.numbers(facts.get(line.key))
             if array is not None and array.size <= MOST_NUMBERS:
                 self.met[line.key] = True
-                return tuple(f"{one:g}" for one in array.reshape(-1))
+                return tuple(f"{number:g}" for number in array.reshape(-1))
         return ()
 
     def _arrays(self, value: Mapping[str, Tree], part: str) -> Iterator[tuple[PersonLine, Array]]:
@@ -185,7 +180,7 @@ class People:
                 continue
             if not array.size:
                 self.met[line.key] = True
-                self.misfits += [f"{line.key} of shape {array.shape}"] if part in MAIN else []
+                self.misfits += [f"{line.key} of shape {array.shape}"] if part in POSES else []
                 continue
             if array.size > MOST_NUMBERS:
                 raise BadFile(f"{line.key} has {array.size:,} numbers; split the motion")
@@ -196,60 +191,54 @@ class People:
         self, value: Mapping[str, Tree], outer: Mapping[str, Tree], apart: bool
     ) -> dict[str, Track]:
         """The people whose poses stand in a dictionary itself, by the first array of each part."""
-        own, notes = {**outer, **value}, []
-        main = next((one for part in MAIN for one in self._mains(value, part)), None)
-        if main is None:
+        pose = next((pose for part in POSES for pose in self._poses(value, part)), None)
+        if pose is None:
             return {}
-        line, lead, turned = main
-        turns, numbers, used = {line.part: turned}, dict[str, Array](), {line.part: line}
+        line, lead, vectors = pose
         self.met[line.key] = True
+        track = Track({line.part: vectors}, {}, {**outer, **value}, {line.part: line})
         for part in (*JOINTS, *NUMBERS):
-            for line, array in () if part in (*turns, "pose") else self._arrays(value, part):
-                rows = _rows(line, array, lead)
-                if part in JOINTS:
-                    counts = {n * J: n for n in _each(line) for J in JOINTS[part]}
-                    if rows.shape[1] not in counts:
-                        if "hand" in part and "pose" not in turns:
-                            notes.append(
-                                f"{line.key} has {rows.shape[1]} numbers a frame, principal "
-                                "components that need the model; the fingers stay at rest"
-                            )
-                        continue
-                    turned = _vectors(line, rows, counts[rows.shape[1]])
-                    turns[part] = np.broadcast_to(turned, (prod(lead), *turned.shape[1:]))
-                else:
-                    numbers[part] = rows
-                used[part], self.met[line.key] = line, True
-                break
-        track = Track(turns, numbers, own, used, notes=tuple(notes))
-        N, ids = len(track), self._ids(value)
-        if len(lead) == 2:
-            P, T = lead
-            names = ids if len(ids) == P else tuple(map(str, range(P)))
-            return {names[p]: track.rows(slice(p * T, p * T + T), p) for p in range(P)}
-        if len(ids) == N and (N == 1 or len({*ids}) > 1 or apart):
-            seen = np.array(ids)
-            return {name: track.rows(seen == name) for name in dict.fromkeys(ids)}
-        if apart and N > 1:
-            if N > MOST_PEOPLE or any(rate.key in own for rate in lines_of("rate")):
-                raise BadFile(f"it holds motions, one of {N} frames, and no frames; name one file")
-            return {str(n): track.rows(slice(n, n + 1), n) for n in range(N)}
-        return {"": track}
+            if part not in (line.part, "pose"):
+                self._read_part(track, value, part, lead)
+        return _by_person(track, lead, self._ids(value), apart)
 
-    def _mains(
+    def _read_part(
+        self, track: Track, value: Mapping[str, Tree], part: str, lead: tuple[int, ...]
+    ) -> None:
+        """Put the first array of a dictionary that fits a part into a track."""
+        for line, array in self._arrays(value, part):
+            rows = _rows(line, array, lead)
+            if part in NUMBERS:
+                track.numbers[part] = rows
+            else:
+                widths = {n * J: n for n in _numbers_per_rotation(line) for J in JOINTS[part]}
+                if rows.shape[1] not in widths:
+                    if "hand" in part and "pose" not in track.turns:
+                        track.notes += (
+                            f"{line.key} has {rows.shape[1]} numbers a frame, principal "
+                            "components that need the model; the fingers stay at rest",
+                        )
+                    continue
+                vectors = _vectors(line, rows, widths[rows.shape[1]])
+                track.turns[part] = np.broadcast_to(vectors, (prod(lead), *vectors.shape[1:]))
+            track.used[part], self.met[line.key] = line, True
+            return
+
+    def _poses(
         self, value: Mapping[str, Tree], part: str
     ) -> Iterator[tuple[PersonLine, tuple[int, ...], Array]]:
         """What can be the pose: its line, the axes before those of a frame, and its vectors."""
         for line, array in self._arrays(value, part):
             if line.key == "poses" and "Rh" in value and array.shape[-1] in EASYMOCAP:
                 array = array[..., : EASYMOCAP[array.shape[-1]]]
-            own = "joint_names" in value  # vectors, of any number of joints
-            counts = {n * J: n for n in _each(line) for J in JOINTS[part] if not own}
-            splits = (s for s in (1, 2, 0) if s <= array.ndim and prod(array.shape[s:]) in counts)
+            any_joints = "joint_names" in value  # vectors, of any number of joints
+            per_rotation = () if any_joints else _numbers_per_rotation(line)
+            widths = {n * J: n for n in per_rotation for J in JOINTS[part]}
+            splits = (s for s in (1, 2, 0) if s <= array.ndim and prod(array.shape[s:]) in widths)
             if (split := next(splits, None)) is not None:
                 lead, width = array.shape[:split], prod(array.shape[split:])
-                yield line, lead, _vectors(line, array.reshape(-1, width), counts[width])
-            elif array.ndim in (2, 3) and (own or line.key == "poses"):
+                yield line, lead, _vectors(line, array.reshape(-1, width), widths[width])
+            elif array.ndim in (2, 3) and (any_joints or line.key == "poses"):
                 width = array.shape[-1]
                 if width % 3 or (array.ndim == 3 and width != 3):
                     columns = f"{line.key} has {width} columns"
@@ -261,13 +250,31 @@ class People:
                 self.misfits.append(f"{line.key} of shape {array.shape}")
 
 
+def _by_person(
+    track: Track, lead: tuple[int, ...], ids: tuple[str, ...], apart: bool
+) -> dict[str, Track]:
+    """The rows of a track that are of several people, by their names; else the track itself."""
+    N = len(track)
+    if len(lead) == 2:
+        P, T = lead
+        names = ids if len(ids) == P else tuple(map(str, range(P)))
+        return {names[p]: track.rows(slice(p * T, p * T + T), p) for p in range(P)}
+    if len(ids) == N and (N == 1 or len({*ids}) > 1 or apart):
+        return {name: track.rows(np.array(ids) == name) for name in dict.fromkeys(ids)}
+    if apart and N > 1:
+        if N > MOST_PEOPLE or any(line.key in track.facts for line in lines_of("rate")):
+            raise BadFile(f"it holds motions, one of {N} frames, and no frames; name one file")
+        return {str(n): track.rows(slice(n, n + 1), n) for n in range(N)}
+    return {"": track}
+
+
 def _facts(value: Mapping[str, Tree]) -> dict[str, Tree]:
     """What a dictionary says of all that it holds."""
     keys = (line.key for part in FACTS for line in lines_of(part))
     return {key: value[key] for key in keys if key in value}
 
 
-def _named(array: NDArray[Any]) -> Tree:
+def _parts_of_unnamed(array: NDArray[Any]) -> Tree:
     """The parts of an array that stands in a file without a name. Raises BadFile for no pose."""
     columns = array.shape[1] if array.ndim == 2 else 0
     if columns == sum(MOTION_X.values()):
@@ -290,7 +297,7 @@ def _are_places(array: NDArray[Any]) -> bool:
     return bool((legs > 0.03).all() and (np.abs(left - right) < 0.2 * left).all())
 
 
-def _each(line: PersonLine) -> tuple[int, ...]:
+def _numbers_per_rotation(line: PersonLine) -> tuple[int, ...]:
     """How many numbers a rotation may be."""
     return (3, 9, 6) if "6d" in line.form else (3, 9)
 
@@ -312,15 +319,15 @@ def _rows(line: PersonLine, array: Array, lead: tuple[int, ...]) -> Array:
     )
 
 
-def _vectors(line: PersonLine, rows: Array, each: int) -> Array:
+def _vectors(line: PersonLine, rows: Array, width: int) -> Array:
     """Rotation vectors (N, J, 3) of rows of J vectors, matrices or six numbers of a matrix."""
-    N, J = len(rows), rows.shape[1] // each
-    if each == 3:
+    N, J = len(rows), rows.shape[1] // width
+    if width == 3:
         return rows.reshape(N, J, 3)
-    whole = np.isfinite(rows).all(axis=1)
-    R = rows[whole].reshape(-1, 3, each // 3)
+    finite = np.isfinite(rows).all(axis=1)
+    R = rows[finite].reshape(-1, 3, width // 3)
     with np.errstate(all="ignore"):
-        if each == 6:  # two columns of a matrix, or by the form two rows: Zhou et al., 2019
+        if width == 6:  # two columns of a matrix, or by the form two rows: Zhou et al., 2019
             pair = R if "columns" in line.form else R.reshape(-1, 2, 3).swapaxes(1, 2)
             first = pair[..., 0] / np.linalg.norm(pair[..., 0], axis=1, keepdims=True)
             second = pair[..., 1] - (first * pair[..., 1]).sum(axis=1, keepdims=True) * first
@@ -328,29 +335,49 @@ def _vectors(line: PersonLine, rows: Array, each: int) -> Array:
             R = np.stack([first, second, np.cross(first, second)], axis=2)
             R = R if "columns" in line.form else R.swapaxes(1, 2)
         off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(initial=0.0)
-        proper = off < LOOSE and (np.linalg.det(R) > 0).all()
+        proper = off < MATRIX_TOLERANCE and (np.linalg.det(R) > 0).all()
     if not proper:
         raise BadFile(f"{line.key} holds matrices that are no rotations")
-    turned = np.full((N, J, 3), np.nan)
-    turned[whole] = vector_from_matrix(R).reshape(-1, J, 3)
-    return turned
+    vectors = np.full((N, J, 3), np.nan)
+    vectors[finite] = vector_from_matrix(R).reshape(-1, J, 3)
+    return vectors
+
+
+def _together(groups: dict[str, dict[str, Track]], apart: bool) -> dict[str, Track]:
+    """Those of all groups as different people, unless the groups are frames that show the same."""
+    move = any(len(track) > 1 for group in groups.values() for track in group.values())
+    names = [name for group in groups.values() for name in group]
+    different = all(names) and len({*names}) == len(names)
+    if not (apart or move or different):
+        return _joined(list(groups.values()))
+    return {
+        inner if inner and len(group) == 1 else f"{name} {inner}".strip(): track
+        for name, group in groups.items()
+        for inner, track in group.items()
+    }
 
 
 def _joined(groups: list[dict[str, Track]]) -> dict[str, Track]:
     """People in frames, each frame with those who were found there."""
     people: dict[str, Track] = {}
     for name in dict.fromkeys(name for group in groups for name in group):
-        each = [group.get(name) for group in groups]
-        first = next(track for track in each if track is not None)
-        joined = replace(first, turns={}, numbers={})
-        for of in ("turns", "numbers"):
-            for part, like in getattr(first, of).items():
-                rows = []
-                for track in each:
-                    own = None if track is None else getattr(track, of).get(part)
-                    if track is None or own is None or own.shape[1:] != like.shape[1:]:
-                        own = np.full((1, *like.shape[1:]), np.nan)
-                    rows.append(np.broadcast_to(own, (len(track or "1"), *own.shape[1:])))
-                getattr(joined, of)[part] = np.concatenate(rows)
-        people[name] = joined
+        tracks = [group.get(name) for group in groups]
+        first = next(track for track in tracks if track is not None)
+        people[name] = replace(
+            first,
+            turns={part: _rows_of_all(tracks, "turns", part) for part in first.turns},
+            numbers={part: _rows_of_all(tracks, "numbers", part) for part in first.numbers},
+        )
     return people
+
+
+def _rows_of_all(tracks: list[Track | None], kind: str, part: str) -> Array:
+    """The rows of one part in all frames, in the shape of the first; NaN where it is missing."""
+    arrays = [None if track is None else getattr(track, kind).get(part) for track in tracks]
+    shape = next(array.shape[1:] for array in arrays if array is not None)
+    rows = []
+    for track, array in zip(tracks, arrays, strict=True):
+        if array is None or array.shape[1:] != shape:
+            array = np.full((1, *shape), np.nan)
+        rows.append(np.broadcast_to(array, (1 if track is None else len(track), *shape)))
+    return np.concatenate(rows)

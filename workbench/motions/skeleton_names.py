@@ -42,12 +42,15 @@ class SkeletonNames:
     joints: Mapping[str, tuple[str, ...]]
     source: str
 
-    def matched(self, there: Mapping[str, Sequence[int]]) -> dict[str, int]:
+    def matched(self, by_reading: Mapping[str, Sequence[int]]) -> dict[str, int]:
         """Which of the labels each joint is, by the `readings` of all labels."""
-        if not all(sign in there for sign in self.signs):
+        if not all(sign in by_reading for sign in self.signs):
             return {}
-        best = {j: next((n for n in own if n in there), None) for j, own in self.joints.items()}
-        return {joint: there[name][0] for joint, name in best.items() if name is not None}
+        names = {
+            joint: next((name for name in alternatives if name in by_reading), None)
+            for joint, alternatives in self.joints.items()
+        }
+        return {joint: by_reading[name][0] for joint, name in names.items() if name is not None}
 
 
 def words_of(label: str) -> list[str]:
@@ -64,14 +67,14 @@ def reading(words: Sequence[str]) -> list[str]:
 
     The side comes first, wherever it is said; L5 has none.
     """
-    plain, found = "".join(words), []
+    plain, forms = "".join(words), []
     side = next((k for k, word in enumerate(words) if word in SIDES), None)
     if side is not None:
         rest = "".join([*words[:side], *words[side + 1 :]])
         if rest and not rest.isdecimal():
-            found.append(f"{SIDES[words[side]]} {rest}")
-    found.append(plain)
-    return found + [f"{SIDES[s]} {plain[len(s) :]}" for s in SIDES if plain.startswith(s)]
+            forms.append(f"{SIDES[words[side]]} {rest}")
+    forms.append(plain)
+    return forms + [f"{SIDES[s]} {plain[len(s) :]}" for s in SIDES if plain.startswith(s)]
 
 
 def readings(labels: Sequence[str]) -> dict[str, list[int]]:
@@ -79,43 +82,43 @@ def readings(labels: Sequence[str]) -> dict[str, list[int]]:
 
     Words with which most labels begin, such as `mixamorig` or `Subject01`, are left out.
     """
-    words = [words_of(re.split(r"[:|]", label)[-1]) for label in labels]
+    spelled = [words_of(re.split(r"[:|]", label)[-1]) for label in labels]
     while True:
-        first = Counter(own[0] for own in words if len(own) > 1)
+        first = Counter(words[0] for words in spelled if len(words) > 1)
         word, count = first.most_common(1)[0] if first else ("", 0)
-        if 2 * count <= len(words) or word in SIDES:
+        if 2 * count <= len(spelled) or word in SIDES:
             break
-        words = [own[1:] if len(own) > 1 and own[0] == word else own for own in words]
-    there: dict[str, list[int]] = {}
-    each = [reading(own) for own in words]
-    for rank in range(max(map(len, each), default=0)):
-        for k, own in enumerate(each):
-            if rank < len(own) and (rank == 0 or own[rank] not in there):
-                there.setdefault(own[rank], []).append(k)
-    return there
+        spelled = [words[1:] if len(words) > 1 and words[0] == word else words for words in spelled]
+    by_reading: dict[str, list[int]] = {}
+    possible = [reading(words) for words in spelled]
+    for rank in range(max(map(len, possible), default=0)):
+        for k, forms in enumerate(possible):
+            if rank < len(forms) and (rank == 0 or forms[rank] not in by_reading):
+                by_reading.setdefault(forms[rank], []).append(k)
+    return by_reading
 
 
 @cache
 def skeletons() -> tuple[SkeletonNames, ...]:
     """All kinds of skeletons of the table."""
     text = (files("workbench") / "data" / "motions" / "joints.csv").read_text(encoding="utf-8")
-    found = []
+    kinds = []
     for row in csv.DictReader(text.splitlines()):
         joints = {}
         for joint in (*row,)[2:-2]:
             plain = ["".join(words_of(name)) for name in row[joint].split()]
             for side in ("left", "right") if joint in SIDED else ("",):
-                own = tuple(f"{side} {name}".strip() for name in plain)
-                joints[f"{side}_{joint}".strip("_")] = own
+                names = tuple(f"{side} {name}".strip() for name in plain)
+                joints[f"{side}_{joint}".strip("_")] = names
         for finger in FINGERS if row["fingers"] else ():
             for n in "123":
                 forms = [form.replace("*", f"{finger}{n}") for form in row["fingers"].split()]
                 for side in ("left", "right"):
-                    own = tuple(f"{side} {''.join(words_of(form))}" for form in forms)
-                    joints[f"{side}_{finger}{n}"] = own
+                    names = tuple(f"{side} {''.join(words_of(form))}" for form in forms)
+                    joints[f"{side}_{finger}{n}"] = names
         signs = tuple(reading(words_of(sign))[0] for sign in row["sign"].split())
-        found.append(SkeletonNames(row["skeleton"], signs, joints, row["source"]))
-    return tuple(found)
+        kinds.append(SkeletonNames(row["skeleton"], signs, joints, row["source"]))
+    return tuple(kinds)
 
 
 def is_elsewhere(joint: str) -> bool:
@@ -133,8 +136,8 @@ def renamed(labels: Sequence[str], table: Path) -> tuple[tuple[str, ...], tuple[
     names: dict[str, str] = {}
     try:
         text = bounded(table, MOST_TABLE).decode("utf-8-sig")
-        mark = next((mark for mark in "\t;" if mark in text), ",")
-        for n, row in enumerate(csv.reader(text.splitlines(), delimiter=mark), start=1):
+        separator = next((mark for mark in "\t;" if mark in text), ",")
+        for n, row in enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1):
             cells = [cell.strip() for cell in row]
             if not any(cells) or [cell.lower() for cell in cells] in HEADS:
                 continue
@@ -146,11 +149,11 @@ def renamed(labels: Sequence[str], table: Path) -> tuple[tuple[str, ...], tuple[
         if not {*names} & {*labels}:
             raise BadFile(f"it names {some(names)}, and the file has {some(labels)}")
         new = tuple(names.get(label, label) for label in labels)
-        twice = [name for name, count in Counter(new).items() if name and count > 1]
-        if twice:
-            raise BadFile(f"several would be called {some(sorted(twice))}")
+        repeated = [name for name, count in Counter(new).items() if name and count > 1]
+        if repeated:
+            raise BadFile(f"several would be called {some(sorted(repeated))}")
     except (OSError, UnicodeDecodeError, csv.Error, BadFile) as error:
         raise BadFile(f"{table} is no table of names, such as `LASI,LFWT`: {cut(error)}") from error
-    lost = sorted({*names} - {*labels})
-    note = f"{table.name} names {some(lost)}, which the file does not have"
-    return new, (note,) * bool(lost)
+    missing = sorted({*names} - {*labels})
+    note = f"{table.name} names {some(missing)}, which the file does not have"
+    return new, (note,) * bool(missing)

@@ -21,7 +21,7 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
 from workbench.motions.contents import Contents, contents_of
 from workbench.motions.motion import Motion, without_gaps
-from workbench.motions.people import FACTS, MAIN, People, Track, lines_of
+from workbench.motions.people import FACTS, POSES, People, Track, lines_of
 from workbench.reading.arrays import taken_for
 from workbench.writing import write_arrays
 
@@ -36,13 +36,13 @@ GENDERS = {"0": "neutral", "1": "male", "2": "female", "m": "male", "f": "female
 OWN = ("joint_names", "up_axis", "origin", "notes")  # that we add to AMASS's layout
 BONES = ("bone_parents", "bone_offsets", "end_parents", "end_offsets")
 IMPLIED = ("surface_model_type", "smplVersion", "codecVersion", "frameCount")  # by the arrays
-AGREE = 1e-3  # rad, between a pose and a part of it that stands beside it
-SURE = 0.5  # of how clearly the root's own y must point along an axis to say that it is up
-LARGEST = 1e6  # rad or m
-LONGEST = 4 * np.pi  # rad: what is turned by more in a vector is perhaps in degrees
-FASTEST = 15.0  # m/s, of a root on average
-SPARSEST = 10  # times as many frames as there are, with those between
-INSTEAD = "give a file with poses, or global_orient and body_pose, and a translation"
+SAME_ROTATION = 1e-3  # rad, between a pose and a part of it that stands beside it
+CLEARLY_UP = 0.5  # of how clearly the root's own y must point along an axis to say that it is up
+LARGEST_NUMBER = 1e6  # rad or m
+LONGEST_VECTOR = 4 * np.pi  # rad: what is turned by more in a vector is perhaps in degrees
+FASTEST_ROOT = 15.0  # m/s, of a root on average
+MOST_GAPS = 10  # times as many frames as there are, with those between
+ADVICE = "give a file with poses, or global_orient and body_pose, and a translation"
 
 
 def read_amass(
@@ -70,7 +70,7 @@ def read_amass(
     and UnknownName for a unit or an axis.
     """
     check_given(unit, up)
-    with taken_for(path, "motion", INSTEAD), contents_of(Path(path)) as contents:
+    with taken_for(path, "motion", ADVICE), contents_of(Path(path)) as contents:
         people = People(contents)
         track, notes = _chosen(people, person)
         own = {key: contents.texts(track.facts.get(key)) for key in OWN}
@@ -79,18 +79,13 @@ def read_amass(
         if not own["joint_names"]:
             of = f" of the gender {some([gender])}" if gender else ""
             notes.append(f"made for {family(len(names))}{of}")
-        met = {key for key, read in people.met.items() if not read}
-        if unread := met - {
-            *OWN,
-            *BONES,
-            *IMPLIED,
-            *(line.key for p in FACTS for line in lines_of(p)),
-        }:
+        passed_over = {*OWN, *BONES, *IMPLIED, *(line.key for p in FACTS for line in lines_of(p))}
+        if unread := {key for key, read in people.met.items() if not read} - passed_over:
             notes.append(f"not read are {some(sorted(unread))}")
         rates = [contents.numbers(track.facts.get(line.key)) for line in lines_of("rate")]
-        declared = [float(x) for one in rates if one is not None for x in one.flat[:2]]
-        rate, said = rate_of(fps, declared, track.usual_rate)
-        notes += [*said, *track.notes]
+        declared = [float(x) for array in rates if array is not None for x in array.flat[:2]]
+        rate, rate_notes = rate_of(fps, declared, track.usual_rate)
+        notes += [*rate_notes, *track.notes]
         betas = _betas(track, notes)
         pose, trans = _placed(track, pose, betas, body, notes)
         if unit is not None:
@@ -115,17 +110,18 @@ def read_amass(
         except BadArgument as error:
             raise BadFile(str(error)) from error
     longest = float(np.linalg.norm(motion.pose, axis=-1).max(initial=0.0))
-    if longest > LONGEST:
+    if longest > LONGEST_VECTOR:
         notes.append(
             f"rotations are up to {longest:.3g} rad long, {longest / (2 * np.pi):.3g} whole turns; "
             "if they are in degrees, multiply them by pi / 180"
         )
     declared_up = "".join(own["up_axis"][:1])
-    way = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1).sum()
-    if not declared_up and way > FASTEST * len(motion) / rate:
+    distance = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1).sum()
+    if not declared_up and distance > FASTEST_ROOT * len(motion) / rate:
+        speed = distance * rate / len(motion)
         notes.append(
-            f"the root moves at {way * rate / len(motion):.3g} m/s on average, as no person does; "
-            "give the unit of trans, or the rate"
+            f"the root moves at {speed:.3g} m/s on average, as no person does; give the unit of "
+            "trans, or the rate"
         )
     return _upright(motion, up, declared_up, body, notes)
 
@@ -136,21 +132,22 @@ def _chosen(people: People, person: str | None) -> tuple[Track, list[str]]:
     if not tracks and people.misfits:
         raise BadFile(f"it has no pose: {some(people.misfits)} has that of no frame")
     if not tracks:
-        keys = [line.key for part in MAIN for line in lines_of(part)[:15:5]]
+        keys = [line.key for part in POSES for line in lines_of(part)[:15:5]]
         holds = listed(people.met) if people.met else "nothing that has a name"
         raise BadFile(f"it has no pose: no {', no '.join(keys)} nor the like; it holds {holds}")
     if person is not None and person not in tracks:
         raise BadFile(f"it holds no person {person!r:.40}; there are {listed(tracks)}")
-    seen = {
+    frame_counts = {
         name: int(np.isfinite(next(iter(track.turns.values()))).all(axis=(1, 2)).sum())
         for name, track in tracks.items()
     }
-    name = max(tracks, key=lambda one: seen[one]) if person is None else person
+    chosen = max(tracks, key=lambda name: frame_counts[name]) if person is None else person
     if len(tracks) == 1:
-        return tracks[name], []
+        return tracks[chosen], []
     why = "in most frames; name another one (--person)" if person is None else "as was asked"
-    of = f"of {len(tracks)} people ({some(tracks)}) {name} is read, {seen[name]} frames"
-    return tracks[name], [f"{of}, {why}"]
+    count = frame_counts[chosen]
+    note = f"of {len(tracks)} people ({some(tracks)}) {chosen} is read, {count} frames, {why}"
+    return tracks[chosen], [note]
 
 
 def _gender(contents: Contents, track: Track) -> str:
@@ -168,38 +165,40 @@ def _gender(contents: Contents, track: Track) -> str:
 
 def _bones(contents: Contents, track: Track) -> Bones | None:
     """The skeleton, in a file of our own."""
-    found = [contents.numbers(track.facts.get(key)) for key in BONES]
-    parents, offsets, ends, tips = (
-        np.zeros((0, 3)) if one is None or not np.isfinite(one).all() else one for one in found
+    arrays = [contents.numbers(track.facts.get(key)) for key in BONES]
+    parents, offsets, end_parents, end_offsets = (
+        np.zeros((0, 3)) if array is None or not np.isfinite(array).all() else array
+        for array in arrays
     )
     if not parents.size or not offsets.size:
         return None
-    tree, ended = (tuple(int(k) for k in one.reshape(-1)) for one in (parents, ends))
-    return Bones(tree, offsets, ended, tips)
+    tree, ends = (tuple(int(k) for k in array.reshape(-1)) for array in (parents, end_parents))
+    return Bones(tree, offsets, ends, end_offsets)
 
 
-def _pose(track: Track, own: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
+def _pose(track: Track, own_names: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
     """The pose (T, K, 3) and the names of joints; poses and their parts must say the same."""
     joints: dict[str, Array] = {}
     if "pose" in track.turns:
         pose = track.turns["pose"]
         K = pose.shape[1]
         usual = {22: BODY, 21: BODY[1:], 23: SMPL[1:]}.get(K) or joint_names(K)
-        if own and len(own) != K:
-            raise BadFile(f"poses has {K} joints, and joint_names {len(own)}")
-        joints = dict(zip(own or usual, pose.swapaxes(0, 1), strict=False))
+        if own_names and len(own_names) != K:
+            raise BadFile(f"poses has {K} joints, and joint_names {len(own_names)}")
+        joints = dict(zip(own_names or usual, pose.swapaxes(0, 1), strict=False))
         if len(joints) < K:
             raise BadFile("two of its joint_names are the same")
-    whole = len(joints)
+    count = len(joints)
     for part, names in PARTS.items():
         if part not in track.turns or track.used[part].form == "origin":
             continue
         for name, turns in zip(names, track.turns[part].swapaxes(0, 1), strict=False):
-            if not np.allclose(joints.setdefault(name, turns), turns, atol=AGREE, equal_nan=True):
+            known = joints.setdefault(name, turns)
+            if not np.allclose(known, turns, atol=SAME_ROTATION, equal_nan=True):
                 raise BadFile(
                     f"{track.used['pose'].key} and {track.used[part].key} say different things"
                 )
-    if len(joints) == whole:
+    if len(joints) == count:
         return track.turns["pose"], tuple(joints)
     joints.setdefault("pelvis", np.zeros((len(track), 3)))
     joints = {name: joints[name] for name in ORDER if name in joints}
@@ -217,20 +216,23 @@ def _placed(
     if trans.shape[1] != 3:
         raise BadFile(f"{track.used['trans'].key} has {trans.shape[1]} columns, and needs 3")
     if "scale" in track.numbers:
-        trans = trans / (scale := float(track.numbers["scale"].flat[0]))
-        notes.append(f"trans is divided by {track.used['scale'].key}, {scale:.4g}")
+        scale, key = float(track.numbers["scale"].flat[0]), track.used["scale"].key
+        if not 0 < scale < np.inf:
+            raise BadFile(f"{key} is {scale:g}, and trans can only be divided by a number above 0")
+        trans = trans / scale
+        notes.append(f"trans is divided by {key}, {scale:.4g}")
     trans = np.broadcast_to(trans, (T, 3))
     line = track.used.get("root")
     if line is None or line.form != "origin":
         return pose, trans
     # it turns about the origin: R (V - J_0) + J_0 + t = R V + Th with t = Th + (R - I) J_0
     R, pose = np.full((T, 3, 3), np.nan), pose.copy()
-    seen = np.isfinite(track.turns["root"][:, 0] + pose[:, 0]).all(axis=1)
-    R[seen] = matrix_from_vector(track.turns["root"][seen, 0])
-    pose[seen, 0] = (
-        Rotation.from_matrix(R[seen]) * Rotation.from_rotvec(pose[seen, 0])
+    whole = np.isfinite(track.turns["root"][:, 0] + pose[:, 0]).all(axis=1)
+    R[whole] = matrix_from_vector(track.turns["root"][whole, 0])
+    pose[whole, 0] = (
+        Rotation.from_matrix(R[whole]) * Rotation.from_rotvec(pose[whole, 0])
     ).as_rotvec()
-    pose[~seen] = np.nan
+    pose[~whole] = np.nan
     if body is None:
         notes.append(
             f"{line.key} turns the world about its origin, and trans lacks (R - I) J_0 in each "
@@ -252,54 +254,54 @@ def _spread(
     for part in {"expression", "dmpls"} & {*track.numbers}:
         lines[part] = np.broadcast_to(track.numbers[part], (T, track.numbers[part].shape[1]))
     for name, line in lines.items():
-        if max(np.nanmax(line, initial=0.0), -np.nanmin(line, initial=0.0)) >= LARGEST:
+        if max(np.nanmax(line, initial=0.0), -np.nanmin(line, initial=0.0)) >= LARGEST_NUMBER:
             key = track.used[name].key if name in track.used else name
-            raise BadFile(f"{key} holds numbers beyond {LARGEST:g}, which are no motion")
-    at = track.numbers.get("frames", np.zeros((0, 1)))[:, 0]
-    if len(at) == T and (np.diff(at) >= 1).all() and T <= at[-1] - at[0] < SPARSEST * T:
-        place = (at - at[0]).astype(np.int64)
-        notes.append(f"{place[-1] + 1 - T} frames are not among its {track.used['frames'].key}")
+            raise BadFile(f"{key} holds numbers beyond {LARGEST_NUMBER:g}, which are no motion")
+    frames = track.numbers.get("frames", np.zeros((0, 1)))[:, 0]
+    rising = len(frames) == T and (np.diff(frames) >= 1).all()
+    if rising and T <= frames[-1] - frames[0] < MOST_GAPS * T:
+        index = (frames - frames[0]).astype(np.int64)
+        notes.append(f"{index[-1] + 1 - T} frames are not among its {track.used['frames'].key}")
         for name, line in lines.items():
-            lines[name] = np.full((place[-1] + 1, *line.shape[1:]), np.nan)
-            lines[name][place] = line
+            lines[name] = np.full((index[-1] + 1, *line.shape[1:]), np.nan)
+            lines[name][index] = line
     return lines.pop("pose"), lines
 
 
 def _betas(track: Track, notes: list[str]) -> Array:
     """One shape, which is the median of those of the frames."""
-    every = track.numbers.get("betas", np.zeros((1, 0)))
-    every = every[np.isfinite(every).all(axis=1)]
-    if not len(every):
+    rows = track.numbers.get("betas", np.zeros((1, 0)))
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if not len(rows):
         raise BadFile(f"{track.used['betas'].key} is nan in every frame")
-    if not np.ptp(every, axis=0).max(initial=0.0) > 0:
-        return np.asarray(every[0])
-    middle = np.median(every, axis=0)
-    away = np.abs(every - middle)
+    if not np.ptp(rows, axis=0).max(initial=0.0) > 0:
+        return np.asarray(rows[0])
+    median = np.median(rows, axis=0)
+    deviations = np.abs(rows - median)
     notes.append(
         f"{track.used['betas'].key} change from frame to frame, and their medians are taken; they "
-        f"are {away.mean():.2g} from these on average, and {away.max():.2g} at most"
+        f"are {deviations.mean():.2g} from these on average, and {deviations.max():.2g} at most"
     )
-    return np.asarray(middle)
+    return np.asarray(median)
 
 
 def _root(betas: Array, body: Body) -> Array:
     """The root of the person at rest, (3,) m."""
-    few = betas[: body.n_betas]
-    return np.asarray(body.joints(np.zeros((body.n_joints, 3)), few)[0])
+    return np.asarray(body.joints(np.zeros((body.n_joints, 3)), betas[: body.n_betas])[0])
 
 
 def _upright(
-    motion: Motion, given: str | None, declared: str, body: Body | None, notes: list[str]
+    motion: Motion, up: str | None, declared: str, body: Body | None, notes: list[str]
 ) -> Motion:
     """The motion with y up, and the notes on it before its own."""
-    if given is not None:
-        axis = given.removeprefix("+")
+    if up is not None:
+        axis = up.removeprefix("+")
         notes.append(f"the axis {axis} was given as up")
     elif declared in UP_TO_Y:
         axis = declared
     else:
         axis, clear = motion.up
-        if clear < SURE:
+        if clear < CLEARLY_UP:
             axis = "z"
             notes.append("z is taken to be up, as in AMASS; where the root points does not tell")
         else:
@@ -313,8 +315,8 @@ def _upright(
             )
         else:
             root = _root(motion.betas, body)
-    found = motion if axis == "y" else motion.turned(UP_TO_Y[axis], root)
-    return replace(found, notes=(*notes, *found.notes))
+    upright = motion if axis == "y" else motion.turned(UP_TO_Y[axis], root)
+    return replace(upright, notes=(*notes, *upright.notes))
 
 
 MODELS = {"smpl": SMPL, "smplh": NAMES[52][1], "smplx": NAMES[55][1]}  # by their numbers' order
@@ -361,60 +363,85 @@ def save_motion(path: str | Path, motion: Motion, layout: str = "amass") -> None
             f"{path} has places for the joints of SMPL and its relatives, and the motion has "
             f"{some(motion.joint_names)}; write .npz in the layout amass, or convert it"
         )
-    parts = {
-        key: _turns(motion, (*names, *(SMPL[22:] if len(names) > 20 and model == "smpl" else ())))
-        for key, names in ARRAYS[layout].items()
-        if model is not None and {*names} <= {*MODELS[model]}
-    }
-    T = len(motion)
-    face = np.zeros((T, 10)) if motion.expression is None else motion.expression
-    fps, gender = np.array(motion.fps), motion.gender or "neutral"
     if layout == "smplx":
-        rows = {key: array.reshape(T, -1) for key, array in parts.items()}
-        betas = motion.betas if len(motion.betas) else np.zeros(10)
-        rows |= {"betas": np.tile(betas, (T, 1)), "transl": motion.trans}
-        rows |= {"expression": face} if model == "smplx" else {}
-        arrays: dict[str, NDArray[Any]] = {k: one.astype(np.float32) for k, one in rows.items()}
-        arrays |= {"gender": np.array(gender), "fps": fps}
+        arrays = _smplx_arrays(motion, model)
     elif layout == "smpl":
-        rows = {**parts, "shapeParameters": motion.betas, "bodyTranslation": motion.trans}
-        rows |= {"expressionParameters": face} if model == "smplx" else {}
-        numbers = {name: int(number) for number, name in GENDERS.items() if number.isdigit()}
-        arrays = {key: one.astype(np.float32) for key, one in rows.items()}
-        facts = {"codecVersion": 2, "smplVersion": [*MODELS].index(str(model)), "frameCount": T}
-        facts |= {"gender": numbers.get(gender, 0)}
-        arrays |= {"frameRate": fps} | {key: np.array(fact) for key, fact in facts.items()}
+        arrays = _smpl_arrays(motion, model)
     else:
-        arrays = {
-            "poses": motion.pose.reshape(T, -1),
-            "trans": motion.trans,
-            "betas": motion.betas,
-            "mocap_framerate": fps,
-            "gender": np.array(gender),
-            "joint_names": np.array(motion.joint_names),
-            "up_axis": np.array("y"),
-            "origin": np.array(motion.origin),
-            "notes": np.array(motion.notes, dtype=np.str_),
-        }
-        if model is not None and motion.joint_names == MODELS[model]:
-            arrays |= {key: array.reshape(T, -1) for key, array in parts.items()}
-            arrays |= {"mocap_frame_rate": fps, "surface_model_type": np.array(model)}
-        arrays |= {
-            k: one for k in ("expression", "dmpls") if (one := getattr(motion, k)) is not None
-        }
-        if (bones := motion.bones) is not None:
-            own = (bones.parents, bones.offsets, bones.end_parents, bones.end_offsets)
-            kinds = (np.int64, np.float64) * 2
-            arrays |= {
-                k: np.array(one, kind) for k, one, kind in zip(BONES, own, kinds, strict=True)
-            }
+        arrays = _amass_arrays(motion, model)
     write_arrays(path, arrays)
+
+
+def _smplx_arrays(motion: Motion, model: str | None) -> dict[str, NDArray[Any]]:
+    T = len(motion)
+    rows = {key: part.reshape(T, -1) for key, part in _parts(motion, "smplx", model).items()}
+    betas = motion.betas if len(motion.betas) else np.zeros(10)
+    rows |= {"betas": np.tile(betas, (T, 1)), "transl": motion.trans}
+    rows |= {"expression": _expression(motion)} if model == "smplx" else {}
+    arrays: dict[str, NDArray[Any]] = {key: row.astype(np.float32) for key, row in rows.items()}
+    return {**arrays, "gender": np.array(motion.gender or "neutral"), "fps": np.array(motion.fps)}
+
+
+def _smpl_arrays(motion: Motion, model: str | None) -> dict[str, NDArray[Any]]:
+    rows = _parts(motion, "smpl", model)
+    rows |= {"shapeParameters": motion.betas, "bodyTranslation": motion.trans}
+    rows |= {"expressionParameters": _expression(motion)} if model == "smplx" else {}
+    arrays: dict[str, NDArray[Any]] = {key: row.astype(np.float32) for key, row in rows.items()}
+    numbers = {name: int(number) for number, name in GENDERS.items() if number.isdigit()}
+    facts = {"codecVersion": 2, "smplVersion": [*MODELS].index(str(model))}
+    facts |= {"frameCount": len(motion), "gender": numbers.get(motion.gender or "neutral", 0)}
+    arrays["frameRate"] = np.array(motion.fps)
+    return arrays | {key: np.array(fact) for key, fact in facts.items()}
+
+
+def _amass_arrays(motion: Motion, model: str | None) -> dict[str, NDArray[Any]]:
+    T, fps = len(motion), np.array(motion.fps)
+    arrays: dict[str, NDArray[Any]] = {
+        "poses": motion.pose.reshape(T, -1),
+        "trans": motion.trans,
+        "betas": motion.betas,
+        "mocap_framerate": fps,
+        "gender": np.array(motion.gender or "neutral"),
+        "joint_names": np.array(motion.joint_names),
+        "up_axis": np.array("y"),
+        "origin": np.array(motion.origin),
+        "notes": np.array(motion.notes, dtype=np.str_),
+    }
+    if model is not None and motion.joint_names == MODELS[model]:
+        parts = _parts(motion, "amass", model)
+        arrays |= {key: part.reshape(T, -1) for key, part in parts.items()}
+        arrays |= {"mocap_frame_rate": fps, "surface_model_type": np.array(model)}
+    if motion.expression is not None:
+        arrays["expression"] = motion.expression
+    if motion.dmpls is not None:
+        arrays["dmpls"] = motion.dmpls
+    if (bones := motion.bones) is not None:
+        arrays["bone_parents"] = np.array(bones.parents, np.int64)
+        arrays["bone_offsets"] = bones.offsets
+        arrays["end_parents"] = np.array(bones.end_parents, np.int64)
+        arrays["end_offsets"] = bones.end_offsets
+    return arrays
+
+
+def _expression(motion: Motion) -> Array:
+    return np.zeros((len(motion), 10)) if motion.expression is None else motion.expression
+
+
+def _parts(motion: Motion, layout: str, model: str | None) -> dict[str, Array]:
+    """The rotation vectors (T, J, 3) of each part of a layout that the model has."""
+    parts = {}
+    for key, names in ARRAYS[layout].items():
+        if model is None or not {*names} <= {*MODELS[model]}:
+            continue
+        hands = SMPL[22:] if len(names) > 20 and model == "smpl" else ()
+        parts[key] = _turns(motion, (*names, *hands))
+    return parts
 
 
 def _turns(motion: Motion, names: tuple[str, ...]) -> Array:
     """The rotation vectors (T, J, 3) of some joints, zero for those that the motion lacks."""
-    found = np.zeros((len(motion), len(names), 3))
+    vectors = np.zeros((len(motion), len(names), 3))
     for j, name in enumerate(names):
         if name in motion.joint_names:
-            found[:, j] = motion.pose[:, motion.joint_names.index(name)]
-    return found
+            vectors[:, j] = motion.pose[:, motion.joint_names.index(name)]
+    return vectors

@@ -36,7 +36,7 @@ from workbench.bodies.spaces import body_mass_index, body_mass_index_of
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.rotation import vector_from_matrix
-from workbench.motions.motion import FEWEST, Motion, splined
+from workbench.motions.motion import SPLINE_FRAMES, Motion, splined
 from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
 from workbench.writing import write_arrays
 
@@ -80,20 +80,20 @@ class SoftTissue:
 
     def __post_init__(self) -> None:
         names = ("directions", "first", "second", "response")
-        given = {name: as_reals(name, getattr(self, name)) for name in names}
-        given["part"] = np.asarray(self.part, dtype=np.int64)
-        N, C = given["directions"].shape[0], given["directions"].shape[-1]
-        X = 6 * len(self.joint_names) + 6 + 3 * (int(given["part"].max(initial=-1)) + 1)
+        arrays = {name: as_reals(name, getattr(self, name)) for name in names}
+        arrays["part"] = np.asarray(self.part, dtype=np.int64)
+        N, C = arrays["directions"].shape[0], arrays["directions"].shape[-1]
+        X = 6 * len(self.joint_names) + 6 + 3 * (int(arrays["part"].max(initial=-1)) + 1)
         shapes = {"directions": (N, 3, C), "first": (C, C), "second": (C, C), "part": (N,)}
         shapes["response"] = (C, X + self.n_betas + 1)
         for name, shape in shapes.items():
-            if given[name].shape != shape or not np.isfinite(given[name]).all():
+            if arrays[name].shape != shape or not np.isfinite(arrays[name]).all():
                 raise BadArgument(
-                    f"{name} of soft tissue are {shape} finite numbers, not {given[name].shape}"
+                    f"{name} of soft tissue are {shape} finite numbers, not {arrays[name].shape}"
                 )
         if not self.fps > 0:
             raise BadArgument(f"fps is a number above 0, not {self.fps!r:.60}")
-        self.__dict__.update({name: locked(array.copy()) for name, array in given.items()})
+        self.__dict__.update({name: locked(array.copy()) for name, array in arrays.items()})
         if not (radius := self.spectral_radius) < LARGEST_RADIUS:
             raise BadArgument(
                 f"the model of the coefficients has a spectral radius of {radius:.4f}, so that "
@@ -193,7 +193,8 @@ class SoftTissue:
     def _check(self, body: SkinnedBody, motion: Motion) -> None:
         self._checked(body)
         if abs(motion.fps / self.fps - 1) > SAME_RATE:
-            do = "tissue.prepared(motion) splines it" if len(motion) >= FEWEST else "record it anew"
+            long_enough = len(motion) >= SPLINE_FRAMES
+            do = "tissue.prepared(motion) splines it" if long_enough else "record it anew"
             raise BadArgument(
                 f"this soft tissue moves at {self.fps:g} frames a second, and the motion has "
                 f"{motion.fps:g}; {do}"
@@ -208,10 +209,10 @@ def companion(first: Array, second: Array) -> Array:
 
 def free_run(first: Array, second: Array, driven: Array) -> Array:
     """phi_t = A_1 phi_(t-1) + A_2 phi_(t-2) + driven_t, from zeros."""
-    found = np.zeros((len(driven) + 2, driven.shape[1]))
+    phi = np.zeros((len(driven) + 2, driven.shape[1]))
     for t, pushed in enumerate(driven, start=2):
-        found[t] = first @ found[t - 1] + second @ found[t - 2] + pushed
-    return found[2:]
+        phi[t] = first @ phi[t - 1] + second @ phi[t - 2] + pushed
+    return phi[2:]
 
 
 def with_tissue(body: Body, tissue: SoftTissue) -> SkinnedBody:
@@ -224,11 +225,11 @@ def with_tissue(body: Body, tissue: SoftTissue) -> SkinnedBody:
     """
     body = tissue._checked(body)
     N = body.n_vertices
-    seen = np.hstack([np.ones((N, 1)), body.template, body.shapedirs.reshape(N, -1)])
-    every = np.hstack([seen, tissue.directions.reshape(N, -1)])
-    wanted = np.zeros((body.n_joints, every.shape[1]))
-    wanted[:, : seen.shape[1]] = body.J_regressor @ seen
-    change = np.linalg.lstsq(every.T, (wanted - body.J_regressor @ every).T)[0].T
+    known = np.hstack([np.ones((N, 1)), body.template, body.shapedirs.reshape(N, -1)])
+    every = np.hstack([known, tissue.directions.reshape(N, -1)])
+    targets = np.zeros((body.n_joints, every.shape[1]))
+    targets[:, : known.shape[1]] = body.J_regressor @ known
+    change = np.linalg.lstsq(every.T, (targets - body.J_regressor @ every).T)[0].T
     return replace(
         body,
         shapedirs=np.concatenate([body.shapedirs, tissue.directions], axis=2),
@@ -248,14 +249,15 @@ def with_dmpls(body: SkinnedBody, path: str | Path, count: int = 8) -> SkinnedBo
     Raises BadFile for another file, or one for another number of vertices.
     """
     with opened(path, "file of DMPL's directions", "give dmpls/GENDER/model.npz") as archive:
-        found = read_expected(archive, {"eigvec": reals("N", 3, "C")})["eigvec"][:, :, :count]
-        if len(found) != body.n_vertices:
-            raise BadFile(f"it is for {len(found)} vertices, and the body has {body.n_vertices}")
+        arrays = read_expected(archive, {"eigvec": reals("N", 3, "C")})
+        directions = arrays["eigvec"][:, :, :count]
+        if (N := len(directions)) != body.n_vertices:
+            raise BadFile(f"it is for {N} vertices, and the body has {body.n_vertices}")
     return replace(
         body,
-        shapedirs=np.concatenate([body.shapedirs, found], axis=2),
+        shapedirs=np.concatenate([body.shapedirs, directions], axis=2),
         capsules=None,
-        extras={**body.extras, "dmpls": np.array(found.shape[2])},
+        extras={**body.extras, "dmpls": np.array(directions.shape[2])},
         name=f"{body.name} with DMPL",
     )
 
@@ -270,8 +272,8 @@ def betas_with_tissue(
     body = tissue._checked(body)
     phi = tissue.coefficients(body, motion)
     gain = exaggeration * tissue.gain(body, motion.named(body).betas)
-    own = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
-    return np.hstack([own, gain * phi])
+    betas = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
+    return np.hstack([betas, gain * phi])
 
 
 def displaced_by(tissue: SoftTissue, betas: Array) -> Array:
@@ -328,15 +330,15 @@ class MovingFrames:
         vector may jump by a full turn.
         """
         local = Posing.of(self.motion.pose, self.body.parents).local
-        way = vector_from_matrix(local[:-2].swapaxes(-1, -2) @ local[2:])
-        return _same_at_ends(way * (self.motion.fps / 2))
+        turns = vector_from_matrix(local[:-2].swapaxes(-1, -2) @ local[2:])
+        return _same_at_ends(turns * (self.motion.fps / 2))
 
     @cached_property
     def world_turning(self) -> Array:
         """The angular velocity of each joint's frame, in the world, (T, K, 3) rad/s."""
         R = self.turns
-        way = vector_from_matrix(R[2:] @ R[:-2].swapaxes(-1, -2))
-        return _same_at_ends(way * (self.motion.fps / 2))
+        turns = vector_from_matrix(R[2:] @ R[:-2].swapaxes(-1, -2))
+        return _same_at_ends(turns * (self.motion.fps / 2))
 
     def forces(self, points: Array, joints: Index) -> Array:
         """What points (P, 3) m at rest feel that are fixed to joints (P,): (T, P, 3) m/s^2.
@@ -348,8 +350,8 @@ class MovingFrames:
         R, at_rest = self.turns[:, joints], self.body.joints(None, self.motion.betas)
         arms = points - at_rest[joints]
         places = np.einsum("tpij,pj->tpi", R, arms) + self.joints[:, joints]
-        pull = GRAVITY - second_differences(places, self.motion.fps)
-        return np.asarray(np.einsum("tpji,tpj->tpi", R, pull) - GRAVITY)
+        force = GRAVITY - second_differences(places, self.motion.fps)
+        return np.asarray(np.einsum("tpji,tpj->tpi", R, force) - GRAVITY)
 
 
 def first_differences(values: Array, fps: float) -> Array:
@@ -396,16 +398,16 @@ def tissue_inputs(frames: MovingFrames, part: Index, n_betas: int = 0) -> Array:
     R = frames.turns[:, 0].swapaxes(-1, -2)
     root = frames.joints[:, 0]
     moving = (first_differences(root, motion.fps), second_differences(root, motion.fps))
-    own = [np.einsum("tij,tj->ti", R, line) for line in moving]
+    velocity, acceleration = (np.einsum("tij,tj->ti", R, line) for line in moving)
     middles, joints = part_middles(body, part, motion.betas)
     betas = np.zeros(n_betas)
-    known = min(n_betas, len(motion.betas))
-    betas[:known] = motion.betas[:known]
+    count = min(n_betas, len(motion.betas))
+    betas[:count] = motion.betas[:count]
     parts = [
         _bounded(spin, FASTEST_TURN),
         _bounded(first_differences(spin, motion.fps), FASTEST_CHANGE),
-        _bounded(own[0][:, None], FASTEST_ROOT),
-        _bounded(own[1][:, None], HARDEST_PUSH),
+        _bounded(velocity[:, None], FASTEST_ROOT),
+        _bounded(acceleration[:, None], HARDEST_PUSH),
         _bounded(frames.forces(middles, joints), STRONGEST_FORCE),
         np.tile(betas, (T, 1)),
         np.ones((T, 1)),
@@ -423,9 +425,9 @@ def _bounded(vectors: Array, most: float) -> Array:
 def part_middles(body: SkinnedBody, part: Index, betas: Array) -> tuple[Array, Index]:
     """The middle of each soft part at rest, (P, 3) m, and the joint that moves most of it, (P,)."""
     surface = body.vertices(body.bind_pose, betas)
-    of = [np.flatnonzero(part == p) for p in range(int(part.max(initial=-1)) + 1)]
-    middles = np.array([surface[some].mean(axis=0) for some in of]).reshape(-1, 3)
-    joints = [int(body.weights[some].sum(axis=0).argmax()) for some in of]
+    members = [np.flatnonzero(part == p) for p in range(int(part.max(initial=-1)) + 1)]
+    middles = np.array([surface[vertices].mean(axis=0) for vertices in members]).reshape(-1, 3)
+    joints = [int(body.weights[vertices].sum(axis=0).argmax()) for vertices in members]
     return middles, np.array(joints, dtype=np.int64)
 
 
@@ -476,12 +478,12 @@ def load_tissue(name_or_path: str | Path = "default") -> SoftTissue:
 
 def _read(path: Path) -> SoftTissue:
     with opened(path, "soft tissue", "give an .npz that save_tissue wrote") as archive:
-        found: dict[str, Any] = read_expected(archive, EXPECTED)
+        arrays: dict[str, Any] = read_expected(archive, EXPECTED)
         try:
-            card = json.loads(str(found.pop("card")))
-            numbers = {name: found.pop(name).item() for name in ("fps", "power", "n_betas")}
-            names = tuple(map(str, found.pop("joint_names")))
+            card = json.loads(str(arrays.pop("card")))
+            numbers = {name: arrays.pop(name).item() for name in ("fps", "power", "n_betas")}
+            names = tuple(map(str, arrays.pop("joint_names")))
             card = card if isinstance(card, dict) else {}
-            return SoftTissue(**found, **numbers, joint_names=names, card=card)
+            return SoftTissue(**arrays, **numbers, joint_names=names, card=card)
         except (BadArgument, ValueError) as error:
             raise BadFile(str(error)) from error

@@ -21,9 +21,10 @@ from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.plots.palette import AMOUNT, FAINT, SKIN
 from workbench.plots.style import height_to_scale, house_style, plain, to_scale
 
-LETTERS = 10  # of a line of a label: what is longer goes on more lines
+LABEL_WIDTH = 10  # of a line of a label: what is longer goes on more lines
 Look = Callable[[Array], Array]  # vertices (N, 3) m -> right, up, towards the viewer (N, 3) m
-LIGHT = np.array([-0.35, 0.55, 0.76])  # from the upper left, behind the viewer; right, up, towards
+# right, up, towards: from the upper left, behind the viewer
+LIGHT_DIRECTION = np.array([-0.35, 0.55, 0.76])
 
 
 def front(vertices: Array) -> Array:
@@ -99,17 +100,17 @@ def line_up(
     solids = [f.look(f.vertices) for f in figurines]
     gap = 0.12 * max(float(np.ptp(s[:, 1])) for s in solids)
     extents = [float(np.ptp(s[:, 0])) for s in solids]
-    labels = [fill(plain(f.label), LETTERS, break_long_words=False) for f in figurines]
-    at, places = 0.0, []
+    labels = [fill(plain(f.label), LABEL_WIDTH, break_long_words=False) for f in figurines]
+    x, places = 0.0, []
     for figurine, solid, extent in zip(figurines, solids, extents, strict=True):
-        flat = solid[:, :2] + [at - float(solid[:, 0].min()), 0.0]
+        flat = solid[:, :2] + [x - float(solid[:, 0].min()), 0.0]
         own = faces if figurine.faces is None else figurine.faces
         ax.add_collection(painted(flat, solid, own, figurine.colours, contrast))
-        places.append(at + extent / 2)
-        at += extent + gap
+        places.append(x + extent / 2)
+        x += extent + gap
     low = min(float(s[:, 1].min()) for s in solids)
     high = max(float(s[:, 1].max()) for s in solids)
-    ax.set(xlim=(-gap, at), ylim=(low - gap / 2, high + gap / 2))
+    ax.set(xlim=(-gap, x), ylim=(low - gap / 2, high + gap / 2))
     ax.set_aspect("equal")
     ax.set_xticks(places, labels)
     ax.tick_params(axis="x", length=0, labelsize=8)
@@ -156,7 +157,7 @@ def lightness(solid: Array, faces: Index) -> Array:
     smooth = at_vertices[faces].sum(axis=1)
     smooth = smooth * np.where(smooth[:, 2:] < 0, -1.0, 1.0)  # both sides of a face are skin
     length = np.linalg.norm(smooth, axis=1)
-    towards = smooth @ (LIGHT / np.linalg.norm(LIGHT))
+    towards = smooth @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))
     return np.asarray(np.clip(towards / np.where(length > 0, length, 1.0), 0, 1))
 
 
@@ -221,19 +222,19 @@ def plot_differences(
     `whole` is called `name`. The scale of colours ends at `most` mm, or at the largest distance;
     larger distances have the last colour.
     """
-    away = {label: distances_between(vertices, whole) for label, vertices in others.items()}
-    end = max(float(d.max()) for d in away.values()) if most is None else most
-    shown = [(Figurine(label, others[label], look), away[label]) for label in others]
+    distances = {label: distances_between(vertices, whole) for label, vertices in others.items()}
+    end = max(float(d.max()) for d in distances.values()) if most is None else most
+    shown = [(Figurine(label, others[label], look), distances[label]) for label in others]
     first = [Figurine(name, whole, look)]
     return line_up_coloured(shown, faces, end, f"distance from {name} (mm)", ax=ax, before=first)
 
 
 def caption_differences(whole: Array, others: Mapping[str, Array], name: str = "SMPL") -> str:
     """What `plot_differences` shows."""
-    away = {label: distances_between(vertices, whole) for label, vertices in others.items()}
+    distances = {label: distances_between(vertices, whole) for label, vertices in others.items()}
     listed = "; ".join(
         f"{label} {d.mean():.1f} mm on average, at most {d.max():.0f} mm"
-        for label, d in away.items()
+        for label, d in distances.items()
     )
     return (
         "All bodies have one pose and are seen by one camera. Colours show how far a vertex is "
@@ -257,11 +258,11 @@ def line_up_coloured(
     """
     scale = ScalarMappable(Normalize(0.0, end if end > 0 else 1.0), AMOUNT)
     coloured = [
-        replace(figurine, colours=np.asarray(scale.to_rgba(away[faces].mean(axis=1)))[:, :3])
-        for figurine, away in measured
+        replace(figurine, colours=np.asarray(scale.to_rgba(distances[faces].mean(axis=1)))[:, :3])
+        for figurine, distances in measured
     ]
     line_up([*before, *coloured], faces, ax=ax, contrast=0.25)
-    beyond = max(float(away.max(initial=0.0)) for _, away in measured) > end
+    beyond = max(float(distances.max(initial=0.0)) for _, distances in measured) > end
     extend = "max" if beyond else "neither"
     figure = ax.get_figure()
     assert figure is not None

@@ -26,7 +26,7 @@ from workbench.plots.palette import (
 )
 from workbench.plots.style import decades, plain, side_by_side
 
-WIDE = 8.0  # inches
+SHEET_WIDTH = 8.0  # inches
 VIOLET, BROWN, SAND = "#6a5acd", "#8c6d31", "#f0c987"  # seldom met: beside the palette's
 COLOURS = {
     TargetOutcome.REACHED: GREEN,
@@ -40,9 +40,9 @@ COLOURS = {
     TargetOutcome.FALSE_CLAIM: VERMILLION,
 }
 NO_ANSWER = "#c9cdd3"
-POINTS = 400  # of a profile
-EQUAL = "Where curves are equal, those below stand out on both sides."
-LOWEST = 1e-12  # of the way from the start to the lowest cost; smaller values are drawn there
+PROFILE_POINTS = 400  # of a profile
+EQUAL_NOTE = "Where curves are equal, those below stand out on both sides."
+LEAST_DRAWN = 1e-12  # of the way from the start to the lowest cost; smaller values are drawn there
 EFFORT, SECONDS = 0, 1  # columns of `Comparison.trace`
 ABSCISSAE = {  # the label of each, and the smallest number that is drawn
     EFFORT: ("effort (evaluations of the residual)", 0.8),
@@ -86,10 +86,10 @@ def caption_verdicts(comparison: Comparison) -> str:
 
 def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     """rho_s(alpha): the share of starts on which s needs at most alpha times the least effort."""
-    names, needed = _known(comparison, tau)
-    found = ratios(needed)
-    widest = float(np.max(found[np.isfinite(found)], initial=2.0))
-    alphas = np.geomspace(1.0, 1.3 * widest, POINTS)
+    names, needed = _counted_solvers(comparison, tau)
+    effort_ratios = ratios(needed)
+    widest = float(np.max(effort_ratios[np.isfinite(effort_ratios)], initial=2.0))
+    alphas = np.geomspace(1.0, 1.3 * widest, PROFILE_POINTS)
     _curves(comparison, names, alphas, performance_profile(needed, alphas), tau, ax)
     ax.set_xlabel("effort over the least of all (ratio α)")
     return ax
@@ -97,18 +97,18 @@ def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) ->
 
 def plot_data_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     """d_s(kappa): the share of starts brought to the target within kappa simplex gradients."""
-    names, needed = _known(comparison, tau)
+    names, needed = _counted_solvers(comparison, tau)
     unknowns = np.array([comparison.described[i.name].unknowns for i in comparison.comparable])
     effort = needed / (unknowns[:, None] + 1)
     finite = effort[np.isfinite(effort)]
     low = 0.7 * float(np.min(finite, initial=1.0))
-    kappas = np.geomspace(max(low, 1e-3), 1.5 * float(np.max(finite, initial=2.0)), POINTS)
+    kappas = np.geomspace(max(low, 1e-3), 1.5 * float(np.max(finite, initial=2.0)), PROFILE_POINTS)
     _curves(comparison, names, kappas, data_profile(needed, unknowns, kappas), tau, ax)
     ax.set_xlabel("effort (simplex gradients κ)")
     return ax
 
 
-def _known(comparison: Comparison, tau: float) -> tuple[tuple[str, ...], Array]:
+def _counted_solvers(comparison: Comparison, tau: float) -> tuple[tuple[str, ...], Array]:
     """The solvers whose effort is known from every start, and their efforts (P, S)."""
     names = comparison.all_counted(tau)
     return names, comparison.needed(tau)[:, [comparison.solvers.index(s) for s in names]]
@@ -147,7 +147,7 @@ def caption_performance_profile(comparison: Comparison) -> str:
         f"{len(comparison.comparable)} starts on which a solver needed the least effort of all. At "
         "the right edge: the share on which it met the target at all. Higher is better: a curve "
         "that starts high is of a cheap solver, one that ends high of a reliable one. Effort "
-        f"is counted in evaluations of the residual, at fixed prices. {EQUAL}" + warning
+        f"is counted in evaluations of the residual, at fixed prices. {EQUAL_NOTE}" + warning
     )
 
 
@@ -158,7 +158,7 @@ def caption_data_profile(comparison: Comparison) -> str:
         f"{len(comparison.comparable)} starts that a solver has brought to the target once it has "
         "spent a given effort, in simplex gradients: n + 1 residuals for n unknowns. Read it at "
         "the effort that you can afford; no curve depends on the other solvers. Where a curve "
-        f"stops rising below 100 %, the rest is never solved within the budget. {EQUAL}"
+        f"stops rising below 100 %, the rest is never solved within the budget. {EQUAL_NOTE}"
     )
 
 
@@ -180,14 +180,14 @@ def plot_cost_traces(
                 continue
             x = np.maximum(trace[:, against], least)
             longest = max(longest, float(np.max(x, where=np.isfinite(x), initial=0.0)))
-            y = np.maximum(trace[:, 2], LOWEST)
+            y = np.maximum(trace[:, 2], LEAST_DRAWN)
             ax.step(x, y, where="post", linewidth=1.3, alpha=alpha, **style.line)
             ax.plot(x[-1:], y[-1:], ".", color=style.color, alpha=alpha, markersize=5)
         ax.plot([], [], linewidth=1.6, label=plain(solver), **style.line)
     for tau in comparison.taus:
         ax.axhline(tau, color=FAINT, linewidth=0.7, linestyle=(0, (1, 3)))
-    ax.set(yscale="log", ylim=(LOWEST / 3, 5), ylabel="(f − f*) / (f₀ − f*)")
-    decades(ax.yaxis, LOWEST, 1.0)
+    ax.set(yscale="log", ylim=(LEAST_DRAWN / 3, 5), ylabel="(f − f*) / (f₀ − f*)")
+    decades(ax.yaxis, LEAST_DRAWN, 1.0)
     ax.grid(color=FAINT, alpha=0.2, linewidth=0.6)
     ax.set(xscale="log", xlim=(least, 1.5 * longest), xlabel=label)
     decades(ax.xaxis, least, 1.5 * longest)
@@ -202,7 +202,7 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
         f"{problem}: how far the best point so far was above the lowest known cost, as a share of "
         f"the difference between that and the cost at the start; {runs}, with a dot where a run "
         "ended. Dotted lines are the targets. Values below "
-        f"{tau_text(LOWEST)} are drawn there. A line that stays flat above the targets is in "
+        f"{tau_text(LEAST_DRAWN)} are drawn there. A line that stays flat above the targets is in "
         "another basin, or stuck. Effort is counted at fixed prices; time is measured, and "
         "differs from machine to machine and from run to run."
     )
@@ -211,12 +211,13 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
 def verdicts_sheet(comparison: Comparison) -> Figure:
     """The verdicts on the runs, a bar per solver."""
     plot = partial(plot_verdicts, comparison)
-    return side_by_side([plot], WIDE, 1.5 + 0.36 * len(comparison.solvers), columns=4)
+    return side_by_side([plot], SHEET_WIDTH, 1.5 + 0.36 * len(comparison.solvers), columns=4)
 
 
 def curves_sheet(comparison: Comparison, plots: Sequence[Callable[..., object]]) -> Figure:
     """Plots side by side, with room for a line of the legend for every three solvers."""
-    return side_by_side(plots, WIDE, 3.6 + 0.2 * ((len(comparison.solvers) + 2) // 3), columns=3)
+    legend_rows = (len(comparison.solvers) + 2) // 3
+    return side_by_side(plots, SHEET_WIDTH, 3.6 + 0.2 * legend_rows, columns=3)
 
 
 def cost_traces_sheet(comparison: Comparison, problem: str) -> Figure:

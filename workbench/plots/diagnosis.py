@@ -12,14 +12,14 @@ from workbench.arrays import Index, Mask
 from workbench.diagnostics import Diagnosis, MeasurementDesign
 from workbench.fitting.refits import Profile
 from workbench.plots.palette import BLUE, FAINT, GREEN, LINES, MARKERS, VERMILLION
-from workbench.plots.style import apart, decades, note_at, plain, shortened
+from workbench.plots.style import decades, labels_apart, note_at, plain, shortened
 
 PIXELS = 720  # of the drawing, top to bottom
 THINNEST = 0.04  # of the height: what a term gets at least, so that it can be read
 
 
 def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """The pattern (m, n): a row per residual, grouped by term, a column per free number, by block.
+    """The pattern (m, n): a row per residual, grouped by term, a column per unknown, by block.
 
     Where several rows share a line, the line shows every column that any of them reads.
     """
@@ -43,7 +43,7 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     _label_rows(ax, terms, rows, np.diff(diagnosis.row_edges))
     _label_columns(ax, diagnosis.free.names, np.asarray(columns))
     ax.spines[:].set_visible(True)
-    ax.set(xlabel="free numbers, by block (columns)", ylabel="whitened residuals, by term (rows)")
+    ax.set(xlabel="unknowns, by block (columns)", ylabel="whitened residuals, by term (rows)")
     ax.set_title(
         f"{m:,} × {n:,}, {diagnosis.nonzeros:,} nonzeros ({diagnosis.density:.1%})", loc="left"
     )
@@ -55,8 +55,8 @@ def caption_sparsity(diagnosis: Diagnosis) -> str:
     m, n = diagnosis.shape
     sizes = np.diff(diagnosis.row_edges)
     text = (
-        f"An entry is blue where one of the {m:,} residuals depends on one of the {n:,} free "
-        f"numbers by structure: {diagnosis.density:.1%} of the entries."
+        f"An entry is blue where one of the {m:,} residuals depends on one of the {n:,} "
+        f"unknowns by structure: {diagnosis.density:.1%} of the entries."
     )
     if (sizes > np.array(lines(sizes))).any():
         text += " Several rows share a line, which is blue where any of them is."
@@ -87,7 +87,7 @@ def squeezed(pattern: Mask, height: int) -> Mask:
 
 def _label_rows(ax: Axes, names: Sequence[str], edges: Index, sizes: Index) -> None:
     middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
-    kept = apart(middles, np.diff(edges).tolist(), 0.035 * float(edges[-1]))
+    kept = labels_apart(middles, np.diff(edges).tolist(), 0.035 * float(edges[-1]))
     labels = [plain(f"{shortened(names[i], 24)}: {sizes[i]:,}") for i in kept]
     ax.set_yticks([middles[i] for i in kept], labels)
     ax.tick_params(axis="y", length=0)
@@ -96,7 +96,7 @@ def _label_rows(ax: Axes, names: Sequence[str], edges: Index, sizes: Index) -> N
 def _label_columns(ax: Axes, names: Sequence[str], edges: Index) -> None:
     middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
     sizes = np.diff(edges)
-    kept = apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))
+    kept = labels_apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))
     labels = [f"{shortened(names[i], 24)}\n{sizes[i]:,}" for i in kept]
     ax.set_xticks([middles[i] for i in kept], [plain(label) for label in labels])
     if len(kept) > 4:
@@ -105,7 +105,7 @@ def _label_columns(ax: Axes, names: Sequence[str], edges: Index) -> None:
     ax.tick_params(axis="x", length=0)
 
 
-FAR = 1e4  # times the tolerance: above it no singular value is near
+FAR_ABOVE = 1e4  # times the tolerance: above it no singular value is near
 
 
 def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
@@ -158,7 +158,7 @@ def caption_singular_values(diagnosis: Diagnosis) -> str:
     )
     return (
         f"{first}The residuals change along {k} of {n} directions; along the other {n - rank} the "
-        f"free numbers can change without changing any residual.{where} The table below names "
+        f"unknowns can change without changing any residual.{where} The table below names "
         "these directions."
     )
 
@@ -170,7 +170,7 @@ def _floor(diagnosis: Diagnosis) -> float:
     if not above.size:
         return 1e-1
     least = float(above.min())
-    if diagnosis.rank == diagnosis.shape[1] and least > FAR * tolerance:
+    if diagnosis.rank == diagnosis.shape[1] and least > FAR_ABOVE * tolerance:
         return least / 10  # a tolerance so far below would leave the drawing empty
     return max(min(least, tolerance), 1e-4 * tolerance) / 3
 
@@ -179,17 +179,17 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     """Posterior standard deviation of every entry, block by block, and its prior's as a dash."""
     known = diagnosis.identifiability
     for i, block in enumerate(diagnosis.free.blocks):
-        at = diagnosis.free.slices[block.name]
-        x = np.arange(at.start, at.stop)
-        sigma, prior = known.sigma[at], known.prior_sigma[at]
+        part = diagnosis.free.slices[block.name]
+        x = np.arange(part.start, part.stop)
+        sigma, prior = known.sigma[part], known.prior_sigma[part]
         seen = np.isfinite(sigma) & (sigma > 0)  # one that a bound fixes has none to draw
         colour, marker = LINES[i % len(LINES)], MARKERS[i % len(MARKERS)]
-        # Of a block of which nothing is known only the strips tell.
+        # A block of which nothing is known is shown by the strips alone.
         label = f"{block.name} ({block.unit})" if seen.any() else None
         ax.plot(x[seen], sigma[seen], marker, color=colour, markersize=4, label=label)
         finite = np.isfinite(prior)
         ax.plot(x[finite], prior[finite], "_", color=colour, markersize=7)
-        ax.axvline(at.stop - 0.5, color=FAINT, linewidth=0.6, alpha=0.5)
+        ax.axvline(part.stop - 0.5, color=FAINT, linewidth=0.6, alpha=0.5)
     blind = np.flatnonzero(~np.isfinite(known.sigma))
     for i, (first, last) in enumerate(_runs(blind)):  # no number is known, so none is drawn
         label = None if i else "unknown: no finite standard deviation"
@@ -223,25 +223,25 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
     """What `plot_sigmas` shows."""
     known = diagnosis.identifiability
     blind = int(np.sum(~np.isfinite(known.sigma)))
-    said = [
+    sentences = [
         "How well each unknown is determined: its standard deviation in Laplace's approximation. "
         "Lower is better."
     ]
     if diagnosis.priors:
-        said.append(
+        sentences.append(
             "Dashes are the standard deviations of the priors alone; where a mark lies on its "
             "dash, the data say nothing about the unknown."
         )
     if blind:
         entries = "1 entry takes" if blind == 1 else f"{blind} entries take"
-        said.append(
+        sentences.append(
             f"{entries} part in directions that change no residual: their standard deviation is "
             "infinite and cannot be drawn; the shaded strips show which entries these are."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
-SHOWN = 2.5  # of the rise at the ends of the interval: the height of the axes
+AXIS_HEIGHT = 2.5  # of the rise at the ends of the interval: the height of the axes
 
 
 def plot_profile_likelihood(profile: Profile, *, ax: Axes) -> Axes:
@@ -261,7 +261,7 @@ def plot_profile_likelihood(profile: Profile, *, ax: Axes) -> Axes:
     ax.set(
         xlabel=f"{profile.entry}{unit}",
         ylabel="rise of the lowest cost",
-        ylim=(0, SHOWN * profile.rise),
+        ylim=(0, AXIS_HEIGHT * profile.rise),
     )
     ax.legend(loc="upper center")
     return ax
@@ -276,46 +276,46 @@ def caption_profile_likelihood(profile: Profile) -> str:
 
 
 MOST_RANKED = 30  # candidates, of which the last is the worst
-LETTERS = 34
+LONGEST_LABEL = 34
 
 
-def plot_measurement_ranking(found: MeasurementDesign, *, ax: Axes) -> Axes:
+def plot_measurement_ranking(design: MeasurementDesign, *, ax: Axes) -> Axes:
     """The criterion after each candidate by itself, and before, as a line."""
-    shown = (
-        [*found.ranking]
-        if len(found.ranking) <= MOST_RANKED
-        else [*found.ranking[: MOST_RANKED - 1], found.ranking[-1]]
-    )
-    y = np.arange(len(shown))[::-1]
-    known = [bool(np.isfinite(one.sd)) for one in shown]
-    for chosen, colour, marker in ((False, BLUE, "o"), (True, VERMILLION, "D")):
-        at = [i for i, one in enumerate(shown) if known[i] and (one.name in found.chosen) == chosen]
-        label = "chosen" if chosen else "not chosen"
-        ax.plot([shown[i].sd for i in at], y[at], marker, color=colour, markersize=5, label=label)
-    sds = np.array([found.before.sd, *(one.sd for one in shown)])
+    shown = list(design.ranking)
+    if len(shown) > MOST_RANKED:
+        shown = [*shown[: MOST_RANKED - 1], shown[-1]]
+    y, sd = np.arange(len(shown))[::-1], np.array([candidate.sd for candidate in shown])
+    known = np.isfinite(sd)
+    chosen = np.array([candidate.name in design.chosen for candidate in shown], dtype=bool)
+    for rows, colour, marker, label in (
+        (known & ~chosen, BLUE, "o", "not chosen"),
+        (known & chosen, VERMILLION, "D", "chosen"),
+    ):
+        ax.plot(sd[rows], y[rows], marker, color=colour, markersize=5, label=label)
+    sds = np.array([design.before.sd, *sd])
     sds = sds[np.isfinite(sds) & (sds > 0)]
     low, high = (float(sds.min() / 1.15), float(sds.max() * 1.15)) if sds.size else (0.1, 1.0)
-    for i in np.flatnonzero(~np.array(known)):
+    for i in np.flatnonzero(~known):
         ax.text(high, y[i], "undetermined", ha="right", va="center", color=VERMILLION, fontsize=8)
-    if np.isfinite(found.before.sd):
-        ax.axvline(found.before.sd, color=FAINT, linestyle="--", linewidth=1.0, label="before")
-    ax.set_yticks(y, [plain(shortened(one.name, LETTERS)) for one in shown])
+    if np.isfinite(design.before.sd):
+        ax.axvline(design.before.sd, color=FAINT, linestyle="--", linewidth=1.0, label="before")
+    ax.set_yticks(y, [plain(shortened(candidate.name, LONGEST_LABEL)) for candidate in shown])
     ax.set_ylim(-0.7, len(shown) - 0.3)
     ax.set(xscale="log", xlim=(low, high))
     decades(ax.xaxis, low, high)
-    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
+    ax.set_xlabel(f"expected standard deviation ({plain(design.unit)})")
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 1.1 / len(shown)), ncols=3)
     return ax
 
 
-def caption_measurement_ranking(found: MeasurementDesign) -> str:
+def caption_measurement_ranking(design: MeasurementDesign) -> str:
     """What `plot_measurement_ranking` shows."""
     more = ""
-    if len(found.ranking) > MOST_RANKED:
-        best = f"The best {MOST_RANKED - 1} of {len(found.ranking)} candidates"
+    if len(design.ranking) > MOST_RANKED:
+        best = f"The best {MOST_RANKED - 1} of {len(design.ranking)} candidates"
         more = f" {best} are shown, and the worst."
     return (
-        f"What would be known after each candidate by itself, by {found.criterion}. Left is "
+        f"What would be known after each candidate by itself, by {design.criterion}. Left is "
         f"better; the dashed line is what is known before.{more}"
     )

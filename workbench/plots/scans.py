@@ -13,13 +13,14 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots.body import Look, back, front, painted, side
 from workbench.plots.palette import AMOUNT, FAINT, LINES, MARKERS
 from workbench.plots.style import house_style
+from workbench.registration import Registration
 from workbench.training.execution import LogEntry
 
 MM = 1e3
-BEHIND = 0.02  # m: a point this far behind the surface that hides it is not drawn
-LAST = 98  # percent of the points in contact are within the scale of colours
-MOST = 15_000  # points drawn in one view
-FOR_VIEWS, FOR_TITLES = 7.4, 0.4  # inches: of a sheet's width for four views, of its height
+HIDDEN_DEPTH = 0.02  # m: a point this far behind the surface that hides it is not drawn
+SCALE_PERCENTILE = 98  # percent of the points in contact are within the scale of colours
+MOST_POINTS = 15_000  # points drawn in one view
+VIEWS_WIDTH, TITLES_HEIGHT = 7.4, 0.4  # inches: of a sheet's width for four views, of its height
 
 
 def left(vertices: Array) -> Array:
@@ -31,31 +32,32 @@ def left(vertices: Array) -> Array:
 SIDES: dict[str, Look] = {"front": front, "right side": side, "back": back, "left side": left}
 
 
-def registered_scan_sheet(
-    vertices: Array, faces: Index, points: Array, distances: Array, touching: Mask, facing: float
-) -> Figure:
-    """The points of a scan (M, 3) m on the surface (N, 3) m, from four sides of the body.
+def registered_scan_sheet(registration: Registration) -> Figure:
+    """The points of a scan on the registered surface, from four sides of the body.
 
-    `distances` (M,) m give the colours of the `touching` ones; the others are grey. `facing` is
-    the angle in rad about the vertical by which the body is turned from +z.
+    Their distances give the colours of those that touch it; the others are grey.
     """
-    amounts = MM * np.abs(distances)
-    end = float(np.ceil(np.percentile(amounts[touching], LAST))) if touching.any() else 1.0
+    points, touching = registration.scan.points, registration.touching
+    amounts = MM * np.abs(registration.distances)
+    end = 1.0
+    if touching.any():
+        end = float(np.ceil(np.percentile(amounts[touching], SCALE_PERCENTILE)))
     scale = ScalarMappable(Normalize(0.0, end), AMOUNT)
     colours = np.asarray(scale.to_rgba(np.where(touching, amounts, 0.0)))
     colours[~touching] = (*to_rgb(FAINT), 1.0)
-    some = np.random.default_rng(0).permutation(len(points))[:MOST]
-    turn = matrix_from_vector([0.0, -facing, 0.0]).T
+    some = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
+    turn = matrix_from_vector([0.0, -registration.facing, 0.0]).T
+    vertices = registration.vertices @ turn
 
     def plot(look: Look, ax: Axes) -> None:
-        solid, dots = look(vertices @ turn), look(points[some] @ turn)
-        ax.add_collection(painted(solid[:, :2], solid, faces))
+        solid, dots = look(vertices), look(points[some] @ turn)
+        ax.add_collection(painted(solid[:, :2], solid, registration.faces))
         shown = _in_front(dots, solid)
         order = np.argsort(dots[shown, 2])
         across, up = dots[shown][order, :2].T
         ax.scatter(across, up, c=colours[some][shown][order], s=1.2, linewidths=0, rasterized=True)
 
-    figure = _four(plot, vertices @ turn)
+    figure = _four_views(plot, vertices)
     beyond = "max" if bool((amounts[touching] > end).any()) else "neither"
     figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01, extend=beyond).set_label(
         "distance to the surface (mm)"
@@ -63,9 +65,10 @@ def registered_scan_sheet(
     return figure
 
 
-def caption_registered_scan(distances: Array, touching: Mask) -> str:
+def caption_registered_scan(registration: Registration) -> str:
     """What `registered_scan_sheet` shows."""
-    near = MM * np.abs(distances[touching])
+    touching = registration.touching
+    near = MM * np.abs(registration.distances[touching])
     if not len(near):
         return "The points of the scan over the registered surface: none of them touches it."
     half, most = np.percentile(near, [50, 95])
@@ -78,13 +81,13 @@ def caption_registered_scan(distances: Array, touching: Mask) -> str:
     )
 
 
-def _four(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
+def _four_views(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
     limits = [_extents(look, vertices) for look in SIDES.values()]
     widths = [across[1] - across[0] for across, _ in limits]
     low, high = limits[0][1]
-    tall = float(np.clip(FOR_VIEWS * (high - low) / sum(widths), 2.0, 6.0))
+    tall = float(np.clip(VIEWS_WIDTH * (high - low) / sum(widths), 2.0, 6.0))
     with house_style():
-        figure = Figure(figsize=(9.0, tall + FOR_TITLES), layout="constrained")
+        figure = Figure(figsize=(9.0, tall + TITLES_HEIGHT), layout="constrained")
         axes = list(figure.subplots(1, len(SIDES), sharey=True, width_ratios=widths))
         for (name, look), (across, up), ax in zip(SIDES.items(), limits, axes, strict=True):
             plot(look, ax)
@@ -121,10 +124,10 @@ def _in_front(dots: Array, solid: Array) -> Mask:
     of_dots, of_solid = cells(dots), cells(solid)
     nearest = np.full(int(max(of_dots.max(), of_solid.max())) + 1, -np.inf)
     np.maximum.at(nearest, of_solid, solid[:, 2])
-    return np.asarray(dots[:, 2] > nearest[of_dots] - BEHIND)
+    return np.asarray(dots[:, 2] > nearest[of_dots] - HIDDEN_DEPTH)
 
 
-SMALL = 1e-3  # of the largest cost: terms that are always smaller are left out
+LEAST_SHARE = 1e-3  # of the largest cost: terms that are always smaller are left out
 
 
 def plot_joint_cost(log: Sequence[LogEntry], *, ax: Axes) -> Axes:
@@ -133,9 +136,9 @@ def plot_joint_cost(log: Sequence[LogEntry], *, ax: Axes) -> Axes:
     total = [sum(costs.values()) for costs in terms]
     x = range(len(terms))
     ax.plot(x, total, color="black", linewidth=2.0, label="sum")
-    names = [n for n in terms[0] if max(costs[n] for costs in terms) > SMALL * total[0]]
+    names = [n for n in terms[0] if max(costs[n] for costs in terms) > LEAST_SHARE * total[0]]
     for k, name in enumerate(names):
-        line = [max(costs[name], SMALL * total[0]) for costs in terms]
+        line = [max(costs[name], LEAST_SHARE * total[0]) for costs in terms]
         ax.plot(
             x,
             line,

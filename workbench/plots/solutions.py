@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from workbench.arrays import Array
 from workbench.experiments.running import (
-    SMALLEST,
+    COST_ROUNDING,
     as_good,
     best_cost,
     ending_in_words,
@@ -112,8 +112,8 @@ def shares_above(solution: Solution, among: Mapping[str, Solution]) -> Array:
 
 def _floor(gaps: Mapping[str, Array]) -> float:
     every = np.concatenate([*gaps.values(), np.ones(1)])
-    above = every[np.isfinite(every) & (every > SMALLEST)]
-    return float(max(SMALLEST, 10.0 ** np.floor(np.log10(above.min()) - 0.5)))
+    above = every[np.isfinite(every) & (every > COST_ROUNDING)]
+    return float(max(COST_ROUNDING, 10.0 ** np.floor(np.log10(above.min()) - 0.5)))
 
 
 def convergence_sheet(solutions: Mapping[str, Solution]) -> Figure:

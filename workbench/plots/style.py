@@ -53,7 +53,7 @@ def sheet(width: float, height: float, columns: int = 1) -> tuple[Figure, list[A
     return figure, list(axes[0])
 
 
-def drawn(plot: Callable[..., object], width: float, height: float) -> Figure:
+def figure_of(plot: Callable[..., object], width: float, height: float) -> Figure:
     """A figure of that many inches in the house style; `plot(ax=...)` draws on its axes."""
     with house_style():
         figure, (ax,) = sheet(width, height)
@@ -104,7 +104,7 @@ def _saved(figure: Figure, format: str, metadata: dict[str, None]) -> bytes:
 
 def to_scale(plot: Callable[..., object], height: float, width: float = 7.2) -> Figure:
     """A figure as high as axes of equal aspect need that have `width` inches across."""
-    figure = drawn(plot, 8.0, height)
+    figure = figure_of(plot, 8.0, height)
     with house_style():
         figure.set_figheight(height_to_scale(figure.axes[0], width))
     return figure
@@ -117,8 +117,8 @@ def height_to_scale(ax: Axes, width: float) -> float:
     return min(7.0, width * (top - bottom) / (right - left) + 0.7 + 0.15 * lines)
 
 
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-FEW = 1.5  # decades: below, numbers between the powers of ten are written too
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+FEW_DECADES = 1.5  # decades: below, numbers between the powers of ten are written too
 
 
 def plain(text: str) -> str:
@@ -133,7 +133,7 @@ def shortened(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 1].rstrip() + "…"
 
 
-def apart(places: Sequence[float], sizes: Sequence[float], gap: float) -> list[int]:
+def labels_apart(places: Sequence[float], sizes: Sequence[float], gap: float) -> list[int]:
     """Which labels to keep so that no two stand closer than `gap`, larger ones first."""
     kept: list[int] = []
     for i in sorted(range(len(places)), key=lambda i: -sizes[i]):
@@ -166,8 +166,8 @@ def note_at(
 
 @cache
 def _letters() -> frozenset[int]:
-    found = font_manager.findfont("DejaVu Sans")
-    return frozenset(FT2Font(found).get_charmap())
+    path = font_manager.findfont("DejaVu Sans")
+    return frozenset(FT2Font(path).get_charmap())
 
 
 def power(value: float) -> str:
@@ -175,13 +175,13 @@ def power(value: float) -> str:
     exponent = round(math.log10(value)) if value > 0 else 0
     if -2 <= exponent <= 3 or not math.isclose(value, 10.0**exponent):
         return f"{value:g}"
-    return "10" + str(exponent).translate(RAISED)
+    return "10" + str(exponent).translate(SUPERSCRIPTS)
 
 
 def decades(axis: Axis, low: float, high: float) -> None:
     """Ticks for a logarithmic axis that shows low to high."""
     wide = math.log10(high / low) if low > 0 else 1.0
-    subs = (1.0,) if wide > FEW else (1.0, 2.0, 5.0)
+    subs = (1.0,) if wide > FEW_DECADES else (1.0, 2.0, 5.0)
     axis.set_major_locator(LogLocator(subs=subs, numticks=9))
     axis.set_major_formatter(FuncFormatter(lambda value, _: power(value)))
     axis.set_minor_locator(NullLocator())

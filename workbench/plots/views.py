@@ -14,7 +14,7 @@ from workbench.plots.body import painted
 from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
 from workbench.plots.style import plain
 
-BELOW = 36  # points that the numbers and the label of the axis take
+LEGEND_BELOW = 36  # points that the numbers and the label of the axis take
 
 
 def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) -> Axes:
@@ -57,7 +57,7 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")  # v down
     ax.set(xlabel="u (px)", ylabel="v (px)")
     ax.set_title(_title(overlay), loc="left")
-    below = ScaledTranslation(0, -BELOW / 72, ax.figure.dpi_scale_trans)
+    below = ScaledTranslation(0, -LEGEND_BELOW / 72, ax.figure.dpi_scale_trans)
     legend = ax.legend(
         loc="upper left",
         bbox_to_anchor=(0, 0),

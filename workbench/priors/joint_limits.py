@@ -16,7 +16,7 @@ from workbench.bodies.hands import hand_motions, hands_of
 from workbench.errors import BadArgument, BadBody, check_known
 from workbench.residuals import Residual, limits
 
-KNOWN = ("anatomical", "recorded")
+LIMIT_SETS = ("anatomical", "recorded")
 SIGMA = 0.1  # rad: limits of hands are averages over people, and nobody's own
 
 
@@ -71,7 +71,7 @@ def joint_limits(name: str = "anatomical") -> JointLimits:
 
     Sources and licences: `workbench/data/joint_limits/PROVENANCE.md`.
     """
-    check_known("set of joint limits", name, KNOWN)
+    check_known("set of joint limits", name, LIMIT_SETS)
     content = _content(name)
     limits = {
         (row["joint"], "xyz".index(row["axis"])): (
@@ -116,16 +116,16 @@ class HandLimits:
                 f"body {body.name!r} has no hand with 15 joints of fingers, whose limits are known;"
                 " take the embedded body 'hand', or one of MANO's"
             )
-        angles, ends, labels = [], [], []
+        angles, ranges, labels = [], [], []
         for side in sides:
             for motion in hand_motions(body, side):
-                known = self.limits.get((motion.joint[len(side) :], motion.motion))
-                if known is not None:
+                bounds = self.limits.get((motion.joint[len(side) :], motion.motion))
+                if bounds is not None:
                     turn = theta[:, body.joint_names.index(motion.joint)]
                     angles.append(cs.dot(cs.DM(motion.axis), turn) + motion.at_rest)
                     labels.append(f"{motion.joint}, {motion.motion}")
-                    ends.append(known)
-        lower, upper = np.array(ends).T
+                    ranges.append(bounds)
+        lower, upper = np.array(ranges).T
         return limits(
             cs.vertcat(*angles),
             lower,

@@ -76,15 +76,15 @@ class PoseMixture:
         from scipy.stats import multivariate_normal  # a second to import
 
         components = zip(np.log(self.shares), self.means, self.covariances, strict=True)
-        each = [
+        densities = [
             share + multivariate_normal.logpdf(flat, *moments) for share, *moments in components
         ]
-        return np.column_stack(each)
+        return np.column_stack(densities)
 
 
-def numbers_of(some: Sequence[str], names: Sequence[str]) -> Index:
+def numbers_of(chosen: Sequence[str], names: Sequence[str]) -> Index:
     """Where the three numbers of each of some joints stand among those of all `names`."""
-    joints = np.array([names.index(name) for name in some])
+    joints = np.array([names.index(name) for name in chosen])
     return np.asarray((3 * joints[:, None] + np.arange(3)).ravel())
 
 

@@ -30,16 +30,16 @@ class BandOrder:
     @cached_property
     def position(self) -> Index:
         """(n,) where each unknown stands among the inner ones; -1 in the border."""
-        found = np.full(self.size, -1)
-        found[self.inner] = np.arange(len(self.inner))
-        return found
+        position = np.full(self.size, -1)
+        position[self.inner] = np.arange(len(self.inner))
+        return position
 
     @cached_property
-    def in_border(self) -> Index:
+    def border_position(self) -> Index:
         """(n,) where each unknown stands in the border; -1 in the band."""
-        found = np.full(self.size, -1)
-        found[self.border] = np.arange(len(self.border))
-        return found
+        position = np.full(self.size, -1)
+        position[self.border] = np.arange(len(self.border))
+        return position
 
     def of_frames(self, columns: Index) -> "_BandPlaces":
         """The places of matrices of the unknowns `columns` (T, n) of T frames."""
@@ -66,34 +66,33 @@ class _BandPlaces:
 
     @staticmethod
     def of(order: BandOrder, columns: Index) -> "_BandPlaces":
-        at = order.position[columns]
-        inner, border = np.flatnonzero(at[0] >= 0), np.flatnonzero(at[0] < 0)
-        inner = inner[np.argsort(at[0, inner])]
-        positions = at[:, inner]
+        in_band = order.position[columns]
+        inner, border = np.flatnonzero(in_band[0] >= 0), np.flatnonzero(in_band[0] < 0)
+        inner = inner[np.argsort(in_band[0, inner])]
+        positions = in_band[:, inner]
         apart = (positions[:, j:] - positions[:, [j]] for j in range(len(inner)))
         below = tuple(run_of(d[0]) if (d == d[0]).all() else d for d in apart)
-        shared = order.in_border[columns[0, border]]
+        shared = order.border_position[columns[0, border]]
         return _BandPlaces(columns, run_of(inner), border, positions, below, shared)
 
-    def put(self, band: Array, between: Array, corner: Array, some: slice, products: Array) -> None:
+    def put(self, matrix: "BandedMatrix", frames: slice, products: Array) -> None:
         """Put the symmetric matrices (T, n, n) of some of the frames into their places.
 
-        `band`, `between` and `corner` are those of a `BandedMatrix`. Frames share places only in
-        the corner, where their entries are added.
+        Frames share places only in the corner, where their entries are added.
         """
-        by_columns, positions = band.T, self.positions[some]
-        own = products[:, self.inner][:, :, self.inner]
+        by_columns, positions = matrix.band.T, self.positions[frames]
+        in_band = products[:, self.inner][:, :, self.inner]
         for j, below in enumerate(self.below):
             if isinstance(below, slice):
-                by_columns[positions[:, j], below] = own[:, j, j:]
+                by_columns[positions[:, j], below] = in_band[:, j, j:]
             else:
-                rows = below[some] if below.ndim > 1 else below
-                by_columns[positions[:, j, None], rows] = own[:, j, j:]
+                rows = below[frames] if below.ndim > 1 else below
+                by_columns[positions[:, j, None], rows] = in_band[:, j, j:]
         if self.border.size:
-            across = products[:, self.inner][:, :, self.border]
-            between[positions[:, :, None], self.shared] = across
-            added = products[:, self.border[:, None], self.border].sum(axis=0)
-            corner[np.ix_(self.shared, self.shared)] += added
+            to_border = products[:, self.inner][:, :, self.border]
+            matrix.between[positions[:, :, None], self.shared] = to_border
+            in_corner = products[:, self.border[:, None], self.border].sum(axis=0)
+            matrix.corner[np.ix_(self.shared, self.shared)] += in_corner
 
 
 def run_of(places: Index) -> "slice | Index":
@@ -103,7 +102,7 @@ def run_of(places: Index) -> "slice | Index":
     return places
 
 
-SMALLEST = 1e-8  # of a pivot's square, beside the diagonal: below, half of the digits are lost
+SMALLEST_PIVOT = 1e-8  # its square over the diagonal: below, half of the digits are lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,29 +135,29 @@ class BandedMatrix:
         i_low, j_low = i[lower], j[lower]
         memory[i_low - j_low + j_low * (self.order.reach + 1)] += matrix.data[lower]
         if self.order.border.size:
-            s = self.order.in_border
+            k, m = self.order.border_position[rows], self.order.border_position[columns]
             between = (i >= 0) & (j < 0)
-            self.between[i[between], s[columns[between]]] += matrix.data[between]
+            self.between[i[between], m[between]] += matrix.data[between]
             corner = (i < 0) & (j < 0)
-            self.corner[s[rows[corner]], s[columns[corner]]] += matrix.data[corner]
+            self.corner[k[corner], m[corner]] += matrix.data[corner]
 
     def diagonal(self) -> Array:
         """The diagonal, (n,)."""
-        found = np.empty(self.order.size)
-        found[self.order.inner] = self.band[0]
-        found[self.order.border] = np.diag(self.corner)
-        return found
+        diagonal = np.empty(self.order.size)
+        diagonal[self.order.inner] = self.band[0]
+        diagonal[self.order.border] = np.diag(self.corner)
+        return diagonal
 
     def __matmul__(self, x: Array) -> Array:
         """The product with a vector (n,)."""
-        order, found = self.order, np.empty(self.order.size)
-        inside, last = x[order.inner], x[order.border]
-        product = np.zeros(0)
-        if inside.size:
-            product = blas.dsbmv(order.reach, 1.0, self.band, inside, lower=1)
-        found[order.inner] = product + self.between @ last
-        found[order.border] = self.between.T @ inside + self.corner @ last
-        return found
+        order, product = self.order, np.empty(self.order.size)
+        inner, outer = x[order.inner], x[order.border]
+        of_band = np.zeros(0)
+        if inner.size:
+            of_band = blas.dsbmv(order.reach, 1.0, self.band, inner, lower=1)
+        product[order.inner] = of_band + self.between @ outer
+        product[order.border] = self.between.T @ inner + self.corner @ outer
+        return product
 
     __array_ufunc__ = None  # so that NumPy leaves a product from the left to `__rmatmul__`
 
@@ -171,15 +170,15 @@ class BandedMatrix:
         """The matrix by its nonzeros."""
         order, N = self.order, len(self.order.inner)
         inside = np.arange(order.reach + 1)[:, None] + np.arange(N) < N
-        k, j = np.nonzero((self.band != 0) & inside)
-        low = csc_array((self.band[k, j], (k + j, j)), shape=(N, N))
-        D = low + low.T - diags_array(self.band[0])
+        below, columns = np.nonzero((self.band != 0) & inside)
+        lower = csc_array((self.band[below, columns], (below + columns, columns)), shape=(N, N))
+        D = lower + lower.T - diags_array(self.band[0])
         parts = [[D, csc_array(self.between)], [csc_array(self.between.T), csc_array(self.corner)]]
-        place = np.argsort(np.concatenate([order.inner, order.border]))
-        found = csc_array(csc_array(block_array(parts, format="csc"))[:, place])[place]
-        found.eliminate_zeros()
-        found.sort_indices()
-        return found
+        position = np.argsort(np.concatenate([order.inner, order.border]))
+        matrix = csc_array(csc_array(block_array(parts, format="csc"))[:, position])[position]
+        matrix.eliminate_zeros()
+        matrix.sort_indices()
+        return matrix
 
     def factorized(self, raised: Array | float = 0.0) -> "BandedFactor | None":
         """Cholesky's factor, with `raised` (n,) added to the diagonal.
@@ -193,13 +192,13 @@ class BandedMatrix:
         band[0] = diagonal[order.inner]
         corner[np.diag_indices_from(corner)] = diagonal[order.border]
         L, failed = lapack.dpbtrf(band, lower=1, overwrite_ab=1)
-        if failed or _lost(L[0], diagonal[order.inner]):
+        if failed or _digits_lost(L[0], diagonal[order.inner]):
             return None
-        answer = _triangular(L, self.between, "N")
-        corner, failed = lapack.dpotrf(corner - answer.T @ answer, lower=1, clean=1)
-        if failed or _lost(np.diag(corner), diagonal[order.border]):
+        Y = _triangular(L, self.between, "N")
+        corner, failed = lapack.dpotrf(corner - Y.T @ Y, lower=1, clean=1)
+        if failed or _digits_lost(np.diag(corner), diagonal[order.border]):
             return None
-        return BandedFactor(order, L, answer, np.asarray(corner))
+        return BandedFactor(order, L, Y, np.asarray(corner))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,22 +207,22 @@ class BandedFactor:
 
     order: BandOrder
     L: Array  # Cholesky's factor of the band, stored as the band is
-    answer: Array  # Y (N, b)
+    Y: Array  # (N, b)
     corner: Array  # Cholesky's factor of the Schur complement, lower, (b, b)
 
     def solve(self, right: Array) -> Array:
         """The solution (n,) or (n, k) of the linear system with this right-hand side."""
-        order, found = self.order, np.empty_like(right, dtype=float)
-        first = _triangular(self.L, right[order.inner], "N")
-        rest = right[order.border] - self.answer.T @ first
-        last = scipy.linalg.cho_solve((self.corner, True), rest) if len(rest) else rest
-        found[order.border] = last
-        found[order.inner] = _triangular(self.L, first - self.answer @ last, "T")
-        return found
+        order, x = self.order, np.empty_like(right, dtype=float)
+        of_band = _triangular(self.L, right[order.inner], "N")
+        rest = right[order.border] - self.Y.T @ of_band
+        of_border = scipy.linalg.cho_solve((self.corner, True), rest) if len(rest) else rest
+        x[order.border] = of_border
+        x[order.inner] = _triangular(self.L, of_band - self.Y @ of_border, "T")
+        return x
 
 
-def _lost(pivots: Array, diagonal: Array) -> bool:
-    return bool((pivots**2 < SMALLEST * diagonal).any())
+def _digits_lost(pivots: Array, diagonal: Array) -> bool:
+    return bool((pivots**2 < SMALLEST_PIVOT * diagonal).any())
 
 
 def _triangular(L: Array, right: Array, transposed: str) -> Array:
@@ -231,11 +230,11 @@ def _triangular(L: Array, right: Array, transposed: str) -> Array:
     if not right.size:
         return right.copy()
     wide = right if right.ndim == 2 else right[:, None]
-    found, _ = lapack.dtbtrs(L, wide, uplo="L", trans=transposed)
-    return np.asarray(found).reshape(right.shape)
+    solution, _ = lapack.dtbtrs(L, wide, uplo="L", trans=transposed)
+    return np.asarray(solution).reshape(right.shape)
 
 
-AT_ONCE = 64  # frames whose products are kept at a time
+FRAMES_AT_ONCE = 64  # whose products are kept at a time
 
 
 class BlockPlaces(NamedTuple):
@@ -264,79 +263,77 @@ class BlockMatrix:
 
     def __matmul__(self, x: Array) -> Array:
         """Times a vector (n,) or an array (n, k): (m,) or (m, k)."""
-        found = np.asarray(self.rest @ x)
-        for block, at in zip(self.blocks, self.places, strict=True):
-            some = x[at.columns]
-            found[at.rows] = block @ some if x.ndim > 1 else (block @ some[:, :, None])[:, :, 0]
-        return found
+        product = np.asarray(self.rest @ x)
+        for block, place in zip(self.blocks, self.places, strict=True):
+            own = x[place.columns]
+            product[place.rows] = block @ own if x.ndim > 1 else (block @ own[:, :, None])[:, :, 0]
+        return product
 
     @property
     def T(self) -> "_Transposed":
         """The transposed matrix, for products with vectors."""
         return _Transposed(self)
 
-    def vjp(self, r: Array) -> Array:
-        """The matrix, transposed, times a vector (m,): (n,)."""
-        found = np.asarray(r @ self.rest)
-        for block, at in zip(self.blocks, self.places, strict=True):
-            part = (r[at.rows][:, None, :] @ block)[:, 0, :]
-            np.add.at(found, at.columns, part)
-        return found
-
     def column_squares(self) -> Array:
         """The sum of the squares of every column, (n,)."""
-        found = sums(columns_of_nonzeros(self.rest), self.rest.data**2, self.shape[1])
-        for block, at in zip(self.blocks, self.places, strict=True):
-            np.add.at(found, at.columns, np.einsum("tij,tij->tj", block, block))
-        return found
+        squares = sums(columns_of_nonzeros(self.rest), self.rest.data**2, self.shape[1])
+        for block, place in zip(self.blocks, self.places, strict=True):
+            np.add.at(squares, place.columns, np.einsum("tij,tij->tj", block, block))
+        return squares
 
     def scaled(self, factors: Array) -> "BlockMatrix":
         """Every column times its factor, (n,)."""
         data = self.rest.data * np.repeat(factors, np.diff(self.rest.indptr))
         rest = csc_array((data, self.rest.indices, self.rest.indptr), shape=self.shape)
         blocks = (
-            block * factors[at.columns][:, None, :]
-            for block, at in zip(self.blocks, self.places, strict=True)
+            block * factors[place.columns][:, None, :]
+            for block, place in zip(self.blocks, self.places, strict=True)
         )
         return BlockMatrix(rest, tuple(blocks), self.places, self.order)
 
     @property
     def dense(self) -> Array:
         """The matrix as an array, stored column by column."""
-        found = np.asarray(self.rest.toarray(order="F"))
-        for block, at in zip(self.blocks, self.places, strict=True):
-            found[at.rows[:, :, None], at.columns[:, None, :]] = block
-        return found
+        array = np.asarray(self.rest.toarray(order="F"))
+        for block, place in zip(self.blocks, self.places, strict=True):
+            array[place.rows[:, :, None], place.columns[:, None, :]] = block
+        return array
 
     @cached_property
     def sparse(self) -> csc_array:
         """The matrix by its nonzeros."""
         data, columns = [self.rest.data], [columns_of_nonzeros(self.rest)]
         rows = [self.rest.indices.astype(np.int64)]
-        for block, at in zip(self.blocks, self.places, strict=True):
+        for block, place in zip(self.blocks, self.places, strict=True):
             data.append(block.ravel())
-            rows.append(np.broadcast_to(at.rows[:, :, None], block.shape).ravel())
-            columns.append(np.broadcast_to(at.columns[:, None, :], block.shape).ravel())
-        at_both = (np.concatenate(rows), np.concatenate(columns))
-        return csc_array((np.concatenate(data), at_both), shape=self.shape)
+            rows.append(np.broadcast_to(place.rows[:, :, None], block.shape).ravel())
+            columns.append(np.broadcast_to(place.columns[:, None, :], block.shape).ravel())
+        coordinates = (np.concatenate(rows), np.concatenate(columns))
+        return csc_array((np.concatenate(data), coordinates), shape=self.shape)
 
     def normal(self) -> BandedMatrix:
         """The matrix, transposed, times itself, (n, n)."""
-        found = BandedMatrix.zeros(self.order)
-        for block, at in zip(self.blocks, self.places, strict=True):
-            place = self.order.of_frames(at.columns)
-            for first in range(0, len(block), AT_ONCE):
-                some = slice(first, first + AT_ONCE)
-                J = block[some]
-                place.put(found.band, found.between, found.corner, some, J.transpose(0, 2, 1) @ J)
+        normal = BandedMatrix.zeros(self.order)
+        for block, place in zip(self.blocks, self.places, strict=True):
+            band_places = self.order.of_frames(place.columns)
+            for first in range(0, len(block), FRAMES_AT_ONCE):
+                frames = slice(first, first + FRAMES_AT_ONCE)
+                J = block[frames]
+                band_places.put(normal, frames, J.transpose(0, 2, 1) @ J)
         if self.rest.nnz:  # last, because `put` replaces entries and this adds to them
-            found.add_sparse(csc_array(self.rest.T @ self.rest))
-        return found
+            normal.add_sparse(csc_array(self.rest.T @ self.rest))
+        return normal
 
 
 @dataclass(frozen=True, eq=False)
 class _Transposed:
-    of: BlockMatrix
+    matrix: BlockMatrix
 
     def __matmul__(self, r: Array) -> Array:
-        return self.of.vjp(r)
+        """Times a vector (m,): (n,)."""
+        matrix = self.matrix
+        product = np.asarray(r @ matrix.rest)
+        for block, place in zip(matrix.blocks, matrix.places, strict=True):
+            own = (r[place.rows][:, None, :] @ block)[:, 0, :]
+            np.add.at(product, place.columns, own)
+        return product

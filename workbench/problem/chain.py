@@ -10,9 +10,11 @@ of sources without arithmetic are part of the graph.
 """
 
 import weakref
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -22,9 +24,7 @@ from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.functions import Buffered, without_calls
 from workbench.blocks.layout import all_values
-from workbench.blocks.points import (
-    distinct,
-)
+from workbench.blocks.points import distinct
 from workbench.compiling import aligned_zeros
 from workbench.problem.graph import FORWARD, Graph, split, term_sizes
 from workbench.problem.optimality import RowSupport, half_squared
@@ -40,6 +40,8 @@ from workbench.problem.sparsity import (
 from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
 
+Term = DenseTerm | SparseTerm | ChangingTerm
+
 
 class Chain:
     """Residual, Jacobian and gradient of a graph whose points come from `sources`.
@@ -51,30 +53,29 @@ class Chain:
     def __init__(
         self, graph: Graph, sources: Sequence[NumericPoints], free: Layout, fixed: Layout
     ) -> None:
-        self.sources, self.free = tuple(sources), free
+        self.sources, self.free, self._fixed = tuple(sources), free, fixed
         arguments = [graph.x, graph.fixed, *graph.points]
         r = cs.densify(graph.residual)
         self.to_residual = Buffered(cs.Function("residual", arguments, [r]))
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
         derivative = cs.Function("derivative", arguments, [r, *jacobians])
         self.to_derivative = Buffered(without_calls(derivative))
-        self._slopes: Buffered | None = None  # the Jacobians alone, if they do not read the points
+        self._jacobians: Buffered | None = None  # these alone, if they do not read the points
         read = cs.veccat(*graph.points)
         if self.sources and not any(cs.depends_on(J, read) for J in jacobians):
-            self._slopes = Buffered(cs.Function("slopes", arguments[:2], jacobians))
+            self._jacobians = Buffered(cs.Function("jacobians", arguments[:2], jacobians))
         self._constant: list[Array] = []  # their numbers, if they read nothing at all
-        if self._slopes and not any(cs.depends_on(J, cs.veccat(*arguments[:2])) for J in jacobians):
-            self._constant = self._slopes(*(np.zeros(a.numel()) for a in arguments[:2]))
+        numbers = cs.veccat(*arguments[:2])
+        if self._jacobians and not any(cs.depends_on(J, numbers) for J in jacobians):
+            self._constant = self._jacobians(*(np.zeros(a.numel()) for a in arguments[:2]))
         self.by_x, *self.by_points = (Pattern(J.sparsity()) for J in jacobians)
-        taken = [set(pattern.rows.tolist()) for pattern in self.by_points]
+        readers = Counter(row for p in self.by_points for row in np.unique(p.rows).tolist())
         self._own_rows = [  # where a source has rows for itself, coordinate by coordinate
-            pattern.diagonal
-            if not any(taken[i] & other for j, other in enumerate(taken) if j != i)
-            else None
-            for i, pattern in enumerate(self.by_points)
+            pattern.diagonal if all(readers[row] == 1 for row in pattern.rows.tolist()) else None
+            for pattern in self.by_points
         ]
         self.to_size = Buffered(cs.Function("term_sizes", arguments, [term_sizes(r, arguments)]))
-        self._cache = PointCache(self.sources, free, fixed)
+        self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
         self._buffers = BufferPool()
 
     @staticmethod
@@ -92,20 +93,20 @@ class Chain:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
         if not self.sparse:
             check_fits(*self.by_x.shape)
-        places = self._cache.at(x, fixed)
-        if self._slopes is None:
+        places = self._places(x, fixed)
+        if self._jacobians is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
             return r, self._jacobian(places, direct, by_points)
         # the points come last, because they are a byproduct of their derivative
-        direct, *by_points = self._constant or self._slopes(x, fixed)
+        direct, *by_points = self._constant or self._jacobians(x, fixed)
         J = self._jacobian(places, direct, by_points)
         return self.to_residual(x, fixed, *(here.points for here in places))[0], J
 
     @cached_property
     def sparse(self) -> bool:
         """Whether the Jacobian is stored by its nonzeros: it is large, and most of it is zero."""
-        through = sum(part.filled for part in self._parts)
-        return is_sparse(*self.by_x.shape, len(self.by_x.rows) + through)
+        through_points = sum(term.filled for term in self._terms)
+        return is_sparse(*self.by_x.shape, len(self.by_x.rows) + through_points)
 
     @cached_property
     def pattern(self) -> csc_array:
@@ -113,19 +114,19 @@ class Chain:
 
         Where a source has no pattern, each of its points reads all numbers of its blocks.
         """
-        parts = [self.by_x.places, *(part.places for part in self._parts)]
-        return SparseSum(parts, self.by_x.shape).pattern
+        places = [self.by_x.places, *(term.places for term in self._terms)]
+        return SparseSum(places, self.by_x.shape).pattern
 
     @cached_property
-    def _parts_of(self) -> list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]]:
-        """For each source, the blocks that it reads and the parts of J that come through them.
+    def _terms_of(self) -> list[list[tuple[str, Term]]]:
+        """For each source, the blocks that it reads and the terms of J that come through them.
 
-        A part holds every entry of the rows that read the source; or, where the source has a
+        A term holds every entry of the rows that read the source; or, where the source has a
         pattern of this block, the places in which the product dr/dp dp/dx can be nonzero.
         """
         return [
             [
-                (name, _part(pattern, source, name, at))
+                (name, _term(pattern, source, name, at))
                 for name, at in self.free.slices.items()
                 if name in source.reads
             ]
@@ -133,95 +134,95 @@ class Chain:
         ]
 
     @property
-    def _parts(self) -> list[DenseTerm | SparseTerm | ChangingTerm]:
-        return [part for parts in self._parts_of for _, part in parts]
+    def _terms(self) -> list[Term]:
+        return [term for terms in self._terms_of for _, term in terms]
 
     @cached_property
     def _sparse_sum(self) -> SparseSum:
-        parts = [part.places for part in self._parts if not isinstance(part, ChangingTerm)]
-        return SparseSum([self.by_x.places, *parts], self.by_x.shape)
+        places = [term.places for term in self._terms if not isinstance(term, ChangingTerm)]
+        return SparseSum([self.by_x.places, *places], self.by_x.shape)
 
     def _jacobian(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
     ) -> Stored:
         if self.sparse:
-            return self._sparse(places, direct, by_points)
-        columns, found = self._buffers.array(self.free.size, self.by_x.shape[0])
-        for at, rows in self._left_alone:
+            return self._sparse_jacobian(places, direct, by_points)
+        columns, jacobian = self._buffers.array(self.free.size, self.by_x.shape[0])
+        for at, rows in self._unwritten:
             columns[at, rows] = 0.0
         own = self.by_x.columns, self.by_x.rows
         if len(direct):
             columns[own] = 0.0
-        self._write(columns, places, by_points)
+        for term, by_point, product in self._through_points(places, by_points, columns):
+            if isinstance(product, csc_array):
+                nonzeros = product.tocoo()
+                columns[term.columns.start + nonzeros.col, nonzeros.row] += nonzeros.data
+            elif by_point is not None:
+                columns[term.columns] += (by_point @ product.T).T
         if len(direct):
             columns[own] += direct
-        return found.T
+        return jacobian.T
 
-    def _sparse(
+    def _sparse_jacobian(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
     ) -> csc_array:
         """The Jacobian by its nonzeros."""
-        numbers, moved = [direct], []
-        for here, pattern, own, entries, parts in zip(
-            places, self.by_points, self._own_rows, by_points, self._parts_of, strict=True
-        ):
-            dense = {
-                name: np.zeros((part.columns.stop - part.columns.start, pattern.shape[1]))
-                for name, part in parts
-                if isinstance(part, DenseTerm)
-            }
-            if dense:
-                here.write_jacobian(dense, None if own is None else entries)
-            reduced = pattern.matrix(entries).tocsr() if dense and own is None else None
-            for name, part in parts:
-                if isinstance(part, DenseTerm):
-                    whole = dense[name]
-                    numbers.append(whole if reduced is None else (reduced[part.rows] @ whole.T).T)
-                    continue
-                product = pattern.times(entries, here.jacobian(name))
-                if isinstance(part, ChangingTerm):
-                    moved.append(part.within(product, self.free.size))
-                else:
-                    numbers.append(entries_at(product, part.pattern))
-        return sum(moved, self._sparse_sum.matrix(numbers))
+        numbers, changing = [direct], []
+        for term, by_point, product in self._through_points(places, by_points, None):
+            if isinstance(term, ChangingTerm):
+                changing.append(term.within(product, self.free.size))
+            elif isinstance(term, SparseTerm):
+                numbers.append(entries_at(product, term.pattern))
+            elif by_point is None:
+                numbers.append(product)
+            else:
+                numbers.append((by_point[term.rows] @ product.T).T)
+        return sum(changing, self._sparse_sum.matrix(numbers))
 
-    def _write(self, columns: Array, places: Sequence[PointsAt], by_points: list[Array]) -> None:
-        """Write the part of J that comes through the points, transposed, (n, m)."""
-        for i, (here, pattern, rows, entries) in enumerate(
-            zip(places, self.by_points, self._own_rows, by_points, strict=True)
+    def _through_points(
+        self, places: Sequence[PointsAt], by_points: list[Array], columns: Array | None
+    ) -> Iterator[tuple[Term, csc_array | csr_array | None, Any]]:
+        """The terms of J that come through the points: dr/dp dp/dx for each block of a source.
+
+        With each comes dr/dp (m, 3 N) and dp/dx, transposed, as an array (size, 3 N); or None and
+        their product, which is sparse for a sparse term. Where a source has rows for itself, the
+        product is an array (size, rows), and it is written to `columns`, J' (n, m), if given.
+        """
+        for here, pattern, rows, entries, terms in zip(
+            places, self.by_points, self._own_rows, by_points, self._terms_of, strict=True
         ):
-            dense: dict[str, slice] = {}
-            for name, part in self._parts_of[i]:
-                if isinstance(part, DenseTerm):
-                    dense[name] = part.columns
-                    continue
-                product = pattern.times(entries, here.jacobian(name)).tocoo()
-                columns[part.columns.start + product.col, product.row] += product.data
-            if not dense:
-                continue
-            if rows is not None:
-                own = {name: columns[at, rows] for name, at in dense.items()}
-                here.write_jacobian(own, entries)
-                continue
-            parts = {n: np.zeros((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
-            here.write_jacobian(parts, None)
-            for name, at in dense.items():
-                columns[at] += (pattern.matrix(entries) @ parts[name].T).T
+            dense = {name: term.columns for name, term in terms if isinstance(term, DenseTerm)}
+            if columns is not None and rows is not None:
+                arrays = {name: columns[at, rows] for name, at in dense.items()}
+            else:
+                wide = pattern.shape[1]
+                arrays = {n: np.zeros((at.stop - at.start, wide)) for n, at in dense.items()}
+            if arrays:
+                here.write_jacobian(arrays, None if rows is None else entries)
+            by_point: csc_array | csr_array | None = None
+            if arrays and rows is None:
+                by_point = pattern.matrix(entries)
+                by_point = by_point.tocsr() if columns is None else by_point
+            for name, term in terms:
+                if name in arrays:
+                    yield term, by_point, arrays[name]
+                else:
+                    yield term, None, pattern.times(entries, here.jacobian(name))
 
     @cached_property
-    def _left_alone(self) -> list[tuple[slice, slice]]:
+    def _unwritten(self) -> list[tuple[slice, slice]]:
         """Columns and rows of J that no source writes whole; they must be zero before."""
         written: dict[str, list[slice]] = {name: [] for name in self.free.slices}
-        for rows, parts in zip(self._own_rows, self._parts_of, strict=True):
-            for name, part in parts:
-                if rows is not None and isinstance(part, DenseTerm):
+        for rows, terms in zip(self._own_rows, self._terms_of, strict=True):
+            for name, term in terms:
+                if rows is not None and isinstance(term, DenseTerm):
                     written[name].append(rows)
         m = self.by_x.shape[0]
         return [(self.free.slices[n], rows) for n, own in written.items() for rows in gaps(own, m)]
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
-        places = self._cache.at(x, fixed)
+        places = self._places(x, fixed)
         points = [here.points for here in places]
         if self._constant:
             (r,), (direct, *by_points) = self.to_residual(x, fixed, *points), self._constant
@@ -229,9 +230,9 @@ class Chain:
             r, direct, *by_points = self.to_derivative(x, fixed, *points)
         g = self.by_x.vjp(direct, r)
         for here, pattern, entries in zip(places, self.by_points, by_points, strict=True):
-            for name, part in here.vjp(pattern.vjp(entries, r)).items():
+            for name, product in here.vjp(pattern.vjp(entries, r)).items():
                 if name in self.free.slices:
-                    g[self.free.slices[name]] += part
+                    g[self.free.slices[name]] += product
         return half_squared(r), g
 
     def term_sizes(self, x: Array, fixed: Array) -> Array:
@@ -243,25 +244,33 @@ class Chain:
         """Which rows each free number can change: directly, and through the points."""
         n, m, k = self.free.size, self.by_x.shape[0], len(self.sources)
         through = np.zeros((n, k), dtype=bool)
-        for i, parts in enumerate(self._parts_of):
-            for _, part in parts:
-                if not isinstance(part, SparseTerm):
-                    through[part.columns, i] = True
+        for i, terms in enumerate(self._terms_of):
+            for _, term in terms:
+                if not isinstance(term, SparseTerm):
+                    through[term.columns, i] = True
         readers = np.zeros((k, m), dtype=bool)
         for rows, pattern in zip(readers, self.by_points, strict=True):
             rows[pattern.rows] = True
-        sparse = [part.places for part in self._parts if isinstance(part, SparseTerm)]
+        sparse = [term.places for term in self._terms if isinstance(term, SparseTerm)]
         own = SparseSum([self.by_x.places, *sparse], (m, n)).pattern
         return RowSupport(csr_array(through), csr_array(readers), csr_array(own.T))
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
-        return [here.points for here in self._cache.at(x, fixed)]
+        return [here.points for here in self._places(x, fixed)]
+
+    def _places(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
+        """Each source's points at the free numbers x and the fixed ones, kept for the next call."""
+        if not self.sources:
+            return ()
+        last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
+        if key != last[0]:
+            values = all_values(self.free, x, self._fixed, fixed)
+            self._last = last = key, [source.evaluate(values) for source in self.sources]
+        return last[1]
 
 
-def _part(
-    pattern: Pattern, source: NumericPoints, name: str, columns: slice
-) -> DenseTerm | SparseTerm | ChangingTerm:
-    """The part of J in the columns of a block, through the points of a source."""
+def _term(pattern: Pattern, source: NumericPoints, name: str, columns: slice) -> Term:
+    """The term of J in the columns of a block, through the points of a source."""
     rows, nonzeros = np.unique(pattern.rows), source.nonzeros(name)
     if nonzeros is not None:
         return ChangingTerm(rows, columns, nonzeros)
@@ -271,26 +280,8 @@ def _part(
     return SparseTerm(pattern.reached(of_points), columns)
 
 
-class PointCache:
-    """The points of several sources, kept for whoever asks again at the last place."""
-
-    def __init__(self, sources: Sequence[NumericPoints], free: Layout, fixed: Layout) -> None:
-        self._sources, self._free, self._fixed = tuple(sources), free, fixed
-        self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
-
-    def at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
-        """Each source's points at the free numbers x and the fixed ones."""
-        if not self._sources:
-            return ()
-        last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
-        if key != last[0]:
-            values = all_values(self._free, x, self._fixed, fixed)
-            self._last = last = key, [source.evaluate(values) for source in self._sources]
-        return last[1]
-
-
 WORTH_KEEPING = 2**20  # bytes: memory for less is quick to get
-KEPT = 2  # buffers that wait to be used again: a solver compares two linearizations
+KEPT_BUFFERS = 2  # that wait to be used again: a solver compares two linearizations
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +294,7 @@ class BufferPool:
     """
 
     _free: list[Array] = field(default_factory=list)
-    _taken: dict[int, weakref.ref[Array]] = field(default_factory=dict)  # by the buffer
+    _in_use: dict[int, weakref.ref[Array]] = field(default_factory=dict)  # by the buffer
 
     def array(self, rows: int, columns: int) -> tuple[Array, Array]:
         """An array (rows, columns) to write to, and the same for everybody else to read.
@@ -313,8 +304,8 @@ class BufferPool:
         """
         size = 8 * rows * columns
         if size < WORTH_KEEPING:
-            found = np.zeros((rows, columns))
-            return found, found
+            array = np.zeros((rows, columns))
+            return array, array
         try:
             buffer = self._free.pop()  # at once, whatever other threads do
         except IndexError:
@@ -322,12 +313,12 @@ class BufferPool:
         if buffer.nbytes != size:
             buffer = aligned_zeros((rows * columns,), np.float64)
         # all views hold it, as its base is no array, and none can be made writeable
-        whole = np.frombuffer(memoryview(buffer.data).toreadonly())
+        to_read = np.frombuffer(memoryview(buffer.data).toreadonly())
         # it calls back while it is held; `weakref.finalize` takes three times as long
-        self._taken[id(buffer)] = weakref.ref(whole, lambda _: self._back(buffer))
-        return buffer.reshape(rows, columns), whole.reshape(rows, columns)
+        self._in_use[id(buffer)] = weakref.ref(to_read, lambda _: self._take_back(buffer))
+        return buffer.reshape(rows, columns), to_read.reshape(rows, columns)
 
-    def _back(self, buffer: Array) -> None:
-        del self._taken[id(buffer)]
-        if len(self._free) < KEPT:
+    def _take_back(self, buffer: Array) -> None:
+        del self._in_use[id(buffer)]
+        if len(self._free) < KEPT_BUFFERS:
             self._free.append(buffer)

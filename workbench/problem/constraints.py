@@ -79,8 +79,9 @@ class Constraint(Symbolic):
                 f"{self.label(row)} has the lower limit {lower[row]:g} and the upper limit "
                 f"{upper[row]:g}; no number lies between"
             )
-        if not (np.isfinite(lower) | np.isfinite(upper)).all():
-            row = int(np.argmin(np.isfinite(lower) | np.isfinite(upper)))
+        has_limit = np.isfinite(lower) | np.isfinite(upper)
+        if not has_limit.all():
+            row = int(np.argmin(has_limit))
             raise BadConstraint(f"{self.label(row)} has no finite limit; give one, or drop it")
         tolerance = reals(f"the tolerance of constraint {self.name!r}", self.tolerance)
         if tolerance.shape != () or not 0 < tolerance < np.inf:
@@ -249,16 +250,16 @@ class ConstraintSet:
     @cached_property
     def hessian_pattern(self) -> csc_array:
         """Where the Hessian of multipliers' c can be nonzero, (n, n), by the whole graph."""
-        places = Pattern(self._curvature[1].sparsity())
-        return places.matrix(np.ones(len(places.rows)))
+        pattern = Pattern(self._curvature[1].sparsity())
+        return pattern.matrix(np.ones(len(pattern.rows)))
 
     def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Stored:
         """The Hessian of multipliers' c, (n, n), stored like a Jacobian of this size."""
-        found = self._hessian(x, fixed, multipliers)[0]
-        if len(found) == len(x) ** 2:
-            return found.reshape(len(x), len(x))
-        there = self.hessian_pattern
-        return csc_array((found, there.indices, there.indptr), shape=there.shape)
+        numbers = self._hessian(x, fixed, multipliers)[0]
+        if len(numbers) == len(x) ** 2:
+            return numbers.reshape(len(x), len(x))
+        pattern = self.hessian_pattern
+        return csc_array((numbers, pattern.indices, pattern.indptr), shape=pattern.shape)
 
     def violation(self, values: Array) -> float:
         """The largest violation of a limit, in tolerances; the point is feasible up to 1."""

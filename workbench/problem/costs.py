@@ -34,7 +34,8 @@ CostGradients = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, 
 COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
 INTERPRETED_UP_TO = 2_000  # of them: of more, points from matrix products are faster
 EXPANDED_UP_TO = 100_000  # of the whole graph
-LEAST = 200  # elements that are not zero, from which on a constant matrix is taken out
+DIGITS = 15  # after the point, by which rows of a constant matrix are alike
+LEAST_NONZEROS = 200  # from which on a constant matrix is taken out
 SHARED = False, True  # of (z, what z does not change): the second is the same for all rows
 
 
@@ -57,43 +58,45 @@ class Domain:
 
     def outside_in_words(self, x: Array, fixed: Array) -> str:
         """The first point that is outside of its domain at x (n,), in words; "" if none is."""
-        found = np.asarray(self._evaluated(x, fixed)).ravel()
+        domains = np.asarray(self._evaluated(x, fixed)).ravel()
         first = 0
-        for one in self.residuals:
-            d = one.rows_per_point
-            out = np.flatnonzero(found[first : first + one.size // d] < 0)
-            if out.size:
+        for residual in self.residuals:
+            d = residual.rows_per_point
+            count = residual.size // d
+            outside = np.flatnonzero(domains[first : first + count] < 0)
+            if outside.size:
+                point = int(outside[0])
                 return (
-                    f"{one.label(d * int(out[0]))} means nothing there, because its domain is "
-                    f"{found[first + out[0]]:.3g}, below zero (as of a keypoint behind its camera)"
+                    f"{residual.label(d * point)} means nothing there, because its domain is "
+                    f"{domains[first + point]:.3g}, below zero (as of a keypoint behind its camera)"
                 )
-            first += one.size // d
+            first += count
         return ""
 
     @cached_property
     def _counted(self) -> cs.MX:
         """The domain of each point times its weight, the sum of those of its rows, (p, 1)."""
         each = []
-        for one in self.residuals:
-            weights = one.weights
+        for residual in self.residuals:
+            weights = residual.weights
             if weights is None:
-                each.append(one.domain)
+                each.append(residual.domain)
                 continue
             if not isinstance(weights, cs.MX):
                 weights = cs.DM(np.asarray(weights, dtype=float))
-            d = one.rows_per_point
-            if d > 1 and weights.numel() == one.size:
-                weights = cs.sum1(cs.reshape(weights, d, one.size // d)).T
-            each.append(weights * one.domain)
+            d = residual.rows_per_point
+            if d > 1 and weights.numel() == residual.size:
+                weights = cs.sum1(cs.reshape(weights, d, residual.size // d)).T
+            each.append(weights * residual.domain)
         return cs.vertcat(*each)
 
     def _evaluated(self, x: Array, fixed: Array) -> cs.DM:
-        points = distinct(p for one in self.residuals for p in one.points)
-        graph, sources = split(self._counted, points, self.free, self.fixed)
+        placeholders = distinct(p for residual in self.residuals for p in residual.points)
+        graph, sources = split(self._counted, placeholders, self.free, self.fixed)
         values = all_values(self.free, x, self.fixed, fixed)
-        there = [source.evaluate(values).points.T for source in sources]
+        points = [source.evaluate(values).points.T for source in sources]
         f = cs.Function("domain", [graph.x, graph.fixed, *graph.points], [graph.residual])
-        return f(x, fixed, *there)
+        return f(x, fixed, *points)
 
 
 class CostGraph:
@@ -125,8 +128,8 @@ class CostGraph:
         key = what, places.tobytes()
         if key not in self.made:
             self.made[key] = make()
-        found: T = self.made[key]
-        return found
+        kept: T = self.made[key]
+        return kept
 
 
 CostMethod = Callable[[CostGraph, Array, Array, Places], Costs]
@@ -168,7 +171,7 @@ def interpreted(batch: CostGraph, x: Array, fixed: Array, places: Places) -> Cos
     )
 
     def costs(z: Array) -> Array:
-        X = _filled(x, places, z)
+        X = _points_at(x, places, z)
         values = _values(batch, X, fixed)
         points = (source.evaluate_batch(values).reshape(len(z), -1) for source in batch.sources)
         return run(X, fixed, *points)[0][:, 0]
@@ -204,12 +207,12 @@ def cost_gradients(
         costs = interpreted(batch, x, fixed, places) if batch.limited else None
 
         def each(z: Array) -> tuple[Array, Array]:
-            X = _filled(x, places, z)
-            found = [one_by_one(row) for row in X]
-            cost = np.array([cost for cost, _ in found])
+            X = _points_at(x, places, z)
+            pairs = [one_by_one(row) for row in X]
+            cost = np.array([cost for cost, _ in pairs])
             if costs is not None:
                 cost[np.isinf(costs(z))] = np.inf
-            return cost, np.array([g[places] for _, g in found])
+            return cost, np.array([g[places] for _, g in pairs])
 
         return each
     run = batch.once("cost_gradients", places, lambda: _derived(graph.cost))
@@ -237,7 +240,7 @@ def _called(run: Batched, graph: FoldedCost, x: Array, fixed: Array) -> Costs:
     return lambda z: run(z, numbers)[0][:, 0]
 
 
-def _filled(x: Array, places: Places, z: Array) -> Array:
+def _points_at(x: Array, places: Places, z: Array) -> Array:
     """Copies (M, n) of x with z (M, k) in these places."""
     X = np.repeat(x[None], len(z), axis=0)
     X[:, places] = z
@@ -245,8 +248,11 @@ def _filled(x: Array, places: Places, z: Array) -> Array:
 
 
 def _values(batch: CostGraph, X: Array, fixed: Array) -> Mapping[str, Array]:
-    same, M = batch.fixed.unpack(fixed), len(X)
-    values = {name: np.broadcast_to(value, (M, *value.shape)) for name, value in same.items()}
+    M = len(X)
+    values = {
+        name: np.broadcast_to(value, (M, *value.shape))
+        for name, value in batch.fixed.unpack(fixed).items()
+    }
     for block in batch.free.blocks:
         numbers = X[:, batch.free.slices[block.name]]
         if block.whole is None:
@@ -266,53 +272,68 @@ def folded_cost(graph: Graph | None, places: Places, products: bool = False) -> 
     if graph is None:
         return None
     cost = 0.5 * cs.sumsqr(cs.densify(graph.residual))
-    out, left = _taken_out(cost, [graph.x, graph.fixed]) if products else ([], cost)
-    given = [graph.x, graph.fixed, *(one.result for one in out)]
-    operands = cs.vertcat(cs.MX(0, 1), *(one.operand for one in out))
-    f = scalar(cs.Function("cost", given, [left, operands]), EXPANDED_UP_TO)
+    inner, rest = _taken_out(cost, [graph.x, graph.fixed]) if products else ([], cost)
+    arguments = [graph.x, graph.fixed, *(product.result for product in inner)]
+    operands = cs.vertcat(cs.MX(0, 1), *(product.operand for product in inner))
+    f = scalar(cs.Function("cost", arguments, [rest, operands]), EXPANDED_UP_TO)
     if f is None:
         return None
     z, x = cs.SX.sym("z", len(places)), cs.SX.sym("x", graph.x.numel())
-    fixed, put = cs.SX.sym("fixed", graph.fixed.numel()), cs.SX(x)
-    put[places.tolist()] = z
-    matrix = block_diag(*(one.matrix for one in out)) if out else np.zeros((0, 0))
-    zeros = [cs.SX(one.result.numel(), 1) for one in out]
-    u = f(put, fixed, *zeros)[1]
-    varies = np.array(cs.which_depends(u, z, 1, True), dtype=bool) if out else np.zeros(0, bool)
-    if np.count_nonzero(matrix[:, varies]) < LEAST:
+    fixed, x_with_z = cs.SX.sym("fixed", graph.fixed.numel()), cs.SX(x)
+    x_with_z[places.tolist()] = z
+    # the entries of operands that z changes, and the rows of results that these change
+    zeros = [cs.SX(product.result.numel(), 1) for product in inner]
+    u = f(x_with_z, fixed, *zeros)[1]
+    matrix = block_diag(*(product.matrix for product in inner)) if inner else np.zeros((0, 0))
+    varies = np.array(cs.which_depends(u, z, 1, True), dtype=bool) if inner else np.zeros(0, bool)
+    if np.count_nonzero(matrix[:, varies]) < LEAST_NONZEROS:
         varies[:] = False
-    moved = matrix[:, varies].any(axis=1)  # rows; all others stay what they are
-    y = cs.SX.sym("y", np.count_nonzero(moved))
-    shift = np.concatenate([np.zeros(0), *(one.shift for one in out)])
+    changing = matrix[:, varies].any(axis=1)
+    # the results: what z changes is made of y, which is computed apart, and all else is folded
+    rows, sign, stands_for = _distinct_rows(matrix[np.ix_(changing, varies)])
+    y = cs.SX.sym("y", len(rows))
+    shift = np.concatenate([np.zeros(0), *(product.shift for product in inner)])
     same = np.flatnonzero(~varies).tolist()
     results = cs.DM(shift) + cs.sparsify(cs.DM(matrix[:, ~varies])) @ u[same]
-    results[np.flatnonzero(moved).tolist()] += y
-    edges = np.cumsum([0, *(one.result.numel() for one in out)]).tolist()
-    c = f(put, fixed, *(results[a:b] for a, b in pairwise(edges)))[0]
+    results[np.flatnonzero(changing).tolist()] += cs.DM(sign) * y[stands_for.tolist()]
+    edges = np.cumsum([0, *(product.result.numel() for product in inner)]).tolist()
+    c = f(x_with_z, fixed, *(results[a:b] for a, b in pairwise(edges)))[0]
+    # what depends on x and the fixed numbers alone is a symbol in the rest
     parts = cs.cse(cs.vertcat(c, u[np.flatnonzero(varies).tolist()]))
-    symbols, made, left = _made_first(parts, cs.vertcat(x, fixed), trivial=True)
-    still = cs.Function("still", [cs.vertcat(x, fixed)], [made])
+    symbols, constants, parts = _extracted(parts, cs.vertcat(x, fixed), trivial=True)
+    still = cs.Function("still", [cs.vertcat(x, fixed)], [constants])
     if not varies.any():
-        return FoldedCost(still, cs.Function("cost", [z, symbols], [cs.densify(left)]), None)
-    w, made, last = _made_first(left[0], cs.vertcat(z, symbols))
+        return FoldedCost(still, cs.Function("cost", [z, symbols], [cs.densify(parts)]), None)
+    w, needs_no_y, last = _extracted(parts[0], cs.vertcat(z, symbols))
     return FoldedCost(
         still,
         cs.Function("cost", [z, symbols, w, y], [cs.densify(last)]),
         ConstantProduct(
-            cs.Function("before", [z, symbols], [cs.densify(left[1:]), made]),
-            matrix[np.ix_(moved, varies)],
+            cs.Function("before", [z, symbols], [cs.densify(parts[1:]), needs_no_y]),
+            rows,
         ),
     )
 
 
-def _made_first(parts: cs.SX, of: cs.SX, trivial: bool = False) -> tuple[cs.SX, cs.SX, cs.SX]:
+def _distinct_rows(matrix: Array) -> tuple[Array, Array, Index]:
+    """The rows without repetition, the sign of each row, and which of the distinct ones it is.
+
+    The halves of a symmetric body have the same rows, up to a sign and rounding.
+    """
+    sign = np.where(matrix.sum(axis=1) < 0, -1.0, 1.0)
+    alike = np.round(sign[:, None] * matrix, DIGITS)
+    _, first, stands_for = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+    return sign[first, None] * matrix[first], sign, stands_for.ravel()
+
+
+def _extracted(parts: cs.SX, of: cs.SX, trivial: bool = False) -> tuple[cs.SX, cs.SX, cs.SX]:
     """Symbols for what depends on `of` alone, what they stand for, and the parts in these symbols.
 
     With `trivial`, entries of `of` that stand alone get symbols too.
     """
-    left, symbols, made = cs.extract_parametric(parts, of, {"extract_trivial": trivial})
+    rest, symbols, meanings = cs.extract_parametric(parts, of, {"extract_trivial": trivial})
     column = cs.SX(0, 1)
-    return cs.vertcat(column, *symbols), cs.densify(cs.vertcat(column, *made)), left
+    return cs.vertcat(column, *symbols), cs.densify(cs.vertcat(column, *meanings)), rest
 
 
 class _InnerProduct(NamedTuple):
@@ -327,8 +348,8 @@ class _InnerProduct(NamedTuple):
 def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[_InnerProduct], cs.MX]:
     """The products with constant matrices in an expression, and what is left in their results.
 
-    A product with fewer than LEAST elements stays where it is, and so does one whose operand needs
-    another product.
+    A product with fewer than LEAST_NONZEROS elements stays where it is, and so does one whose
+    operand needs another product.
     """
     f = cs.Function("f", list(inputs), [expression])
     nodes: list[cs.MX] = []
@@ -339,17 +360,17 @@ def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[_InnerP
             shift, matrix, operand = (node.dep(i) for i in range(3))
             if matrix.is_constant() and shift.is_constant() and operand.shape[1] == 1:
                 A = np.array(cs.evalf(matrix))
-                if np.count_nonzero(A) >= LEAST:
+                if np.count_nonzero(A) >= LEAST_NONZEROS:
                     b = np.array(cs.evalf(shift)).ravel()
                     y = cs.MX.sym(f"y{len(nodes)}", len(A))
                     nodes.append(node)
                     products.append(_InnerProduct(A, b, cs.densify(operand), y))
     if not nodes:
         return [], expression
-    results = [one.result for one in products]
-    operands = cs.graph_substitute([one.operand for one in products], nodes, results)
+    results = [product.result for product in products]
+    operands = cs.graph_substitute([product.operand for product in products], nodes, results)
     free = [k for k, u in enumerate(operands) if not cs.depends_on(u, cs.vertcat(*results))]
-    (left,) = cs.graph_substitute(
+    (rest,) = cs.graph_substitute(
         [expression], [nodes[k] for k in free], [products[k].result for k in free]
     )
-    return [products[k] for k in free], left
+    return [products[k] for k in free], rest

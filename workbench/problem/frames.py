@@ -14,12 +14,7 @@ from workbench.blocks import Block, Layout
 from workbench.blocks.functions import TOGETHER, Buffered, Mapped
 from workbench.blocks.layout import all_values
 from workbench.blocks.points import PointsOfEach, distinct
-from workbench.problem.banded import (
-    BandOrder,
-    BlockMatrix,
-    BlockPlaces,
-    run_of,
-)
+from workbench.problem.banded import BandOrder, BlockMatrix, BlockPlaces, run_of
 from workbench.problem.chain import Chain
 from workbench.problem.graph import split
 from workbench.problem.naming import blocks_behind, rows_of
@@ -36,7 +31,7 @@ class _FramePlaces:
     free: Layout
     fixed: Layout
     columns: Index  # (n,) of its free numbers
-    given: Index  # (h,) of its fixed numbers
+    fixed_places: Index  # (h,) of its fixed numbers
 
     @property
     def entries(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
@@ -56,32 +51,35 @@ class _SingleFrame:
 
     def at(self, t: int, free: Layout, fixed: Layout) -> _FramePlaces:
         """The places of the numbers of frame t, given what is free and fixed in the sequence."""
-        own: list[Block] = []
+        free_blocks: list[Block] = []
         columns = [np.zeros(0, dtype=np.int64)]
-        whole: set[str] = set()
+        entirely_free: set[str] = set()
         for block in free.blocks:
             if block.name not in self.blocks:
                 continue
-            one, first = self.blocks[block.name], _first(block.base, t)
+            own_block, start = self.blocks[block.name], _first(block.base, t)
             if block.whole is None:
-                entries, here = range(one.size), first + np.arange(one.size)
+                entries, inside = range(own_block.size), start + np.arange(own_block.size)
             else:
                 places = np.array(block.entries)
-                here = np.flatnonzero((places >= first) & (places < first + one.size))
-                entries = (places[here] - first).tolist()
-            if not len(here):
+                inside = np.flatnonzero((places >= start) & (places < start + own_block.size))
+                entries = (places[inside] - start).tolist()
+            if not len(inside):
                 continue
-            entire = len(here) == one.size
-            own.append(one if entire else Block.part(one, entries))
-            columns.append(free.slices[block.name].start + here)
-            whole |= {block.name} if entire else set()
-        left = [block for name, block in self.blocks.items() if name not in whole]
-        given = [np.zeros(0, dtype=np.int64)]
-        for block in left:
-            first = fixed.slices[block.name].start + _first(fixed[block.name], t)
-            given.append(np.arange(first, first + block.size))
+            all_free = len(inside) == own_block.size
+            free_blocks.append(own_block if all_free else Block.part(own_block, entries))
+            columns.append(free.slices[block.name].start + inside)
+            entirely_free |= {block.name} if all_free else set()
+        fixed_blocks = [block for name, block in self.blocks.items() if name not in entirely_free]
+        fixed_places = [np.zeros(0, dtype=np.int64)]
+        for block in fixed_blocks:
+            start = fixed.slices[block.name].start + _first(fixed[block.name], t)
+            fixed_places.append(np.arange(start, start + block.size))
         return _FramePlaces(
-            Layout(tuple(own)), Layout(tuple(left)), np.concatenate(columns), np.concatenate(given)
+            Layout(tuple(free_blocks)),
+            Layout(tuple(fixed_blocks)),
+            np.concatenate(columns),
+            np.concatenate(fixed_places),
         )
 
 
@@ -90,70 +88,71 @@ def _first(block: Block, t: int) -> int:
     return t * (block.size // block.shape[0]) if block.framed else 0
 
 
-Places = Sequence[PointsOfEach]  # the points of every source
-AT_ONCE = TOGETHER  # frames whose points' derivatives are kept at a time, near the processor
-MAPPED = 64  # frames that one call of a CasADi function serves at most
-FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored with its zeros
+AllPoints = Sequence[PointsOfEach]  # of every source, in all frames of a group
+FRAMES_PER_CALL = 64  # that one call of a CasADi function serves at most
+DENSE_ROW = 0.25  # of its entries: a row with more nonzeros is stored with its zeros
 
 
 class FrameGroup:
     """F frames that have the same chain rule, `chain`; `frames` (F,) are their numbers.
 
-    `rows` (F, m), `columns` (F, n) and `given` (F, h) say where the rows, the free and the fixed
-    numbers of each frame stand among those of the sequence.
+    `rows` (F, m), `columns` (F, n) and `fixed_places` (F, h) say where the rows, the free and the
+    fixed numbers of each frame stand among those of the sequence.
     """
 
     def __init__(
-        self, chain: Chain, frames: Index, rows: Index, columns: Index, given: Index
+        self, chain: Chain, frames: Index, rows: Index, columns: Index, fixed_places: Index
     ) -> None:
         self.chain, self.frames = chain, frames
-        self.rows, self.columns, self.given = rows, columns, given
+        self.rows, self.columns, self.fixed_places = rows, columns, fixed_places
         self._mapped: dict[Buffered, Mapped] = {}
 
-    def _of_all(self, one: Buffered, x: Array, fixed: Array, places: Places) -> list[Array]:
+    def _of_all(self, function: Buffered, x: Array, fixed: Array, points: AllPoints) -> list[Array]:
         """The function of one frame for all frames, (F, .) for each output.
 
         CasADi's memory for a call is in proportion to its frames, which are therefore divided
         among calls with equally many.
         """
-        arguments = [x[self.columns], fixed[self.given], *(there.points for there in places)]
-        if one not in self._mapped:
+        own = x[self.columns], fixed[self.fixed_places]
+        arguments = [*own, *(of_source.points for of_source in points)]
+        if function not in self._mapped:
             F = len(self.frames)
-            calls = -(-F // MAPPED)
-            self._mapped[one] = Mapped(one.function, (False,) * len(arguments), -(-F // calls))
-        return self._mapped[one](*arguments)
+            calls = -(-F // FRAMES_PER_CALL)
+            varying = (False,) * len(arguments)
+            self._mapped[function] = Mapped(function.function, varying, -(-F // calls))
+        return self._mapped[function](*arguments)
 
-    def residual(self, x: Array, fixed: Array, places: Places) -> Array:
+    def residual(self, x: Array, fixed: Array, points: AllPoints) -> Array:
         """The residuals of the frames, (F, m)."""
-        return self._of_all(self.chain.to_residual, x, fixed, places)[0]
+        return self._of_all(self.chain.to_residual, x, fixed, points)[0]
 
-    def term_sizes(self, x: Array, fixed: Array, places: Places) -> Array:
+    def term_sizes(self, x: Array, fixed: Array, points: AllPoints) -> Array:
         """The sizes of the terms that rows are made of, (F, m); see `Chain.term_sizes`."""
-        return self._of_all(self.chain.to_size, x, fixed, places)[0]
+        return self._of_all(self.chain.to_size, x, fixed, points)[0]
 
-    def places(self, values: Mapping[str, Array], framed: Mapping[str, bool]) -> Places:
+    def points(self, values: Mapping[str, Array], framed: Mapping[str, bool]) -> AllPoints:
         """The points of each source in all frames; `framed` blocks have values of every frame."""
         F = len(self.frames)
-        own = {
+        of_frames = {
             name: value[self.frames]
             if framed[name]
             else np.broadcast_to(value.copy(), (F, *value.shape))  # a copy: points are lazy
             for name, value in values.items()
             if any(name in source.reads for source in self.chain.sources)
         }
-        return [source.evaluate_each(own, F) for source in self.chain.sources]
+        return [source.evaluate_each(of_frames, F) for source in self.chain.sources]
 
-    def gradient(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array]:
+    def gradient(self, x: Array, fixed: Array, points: AllPoints) -> tuple[Array, Array]:
         """The residuals (F, m), and the gradients (F, n) of the frames' costs."""
-        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, places)
+        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, points)
         chain, g = self.chain, np.zeros(self.columns.shape)
-        for own, entries, residual in zip(g, direct, r, strict=True):
-            own += chain.by_x.vjp(entries, residual)
-        for there, pattern, entries in zip(places, chain.by_points, by_points, strict=True):
-            cotangents = [pattern.vjp(own, one) for own, one in zip(entries, r, strict=True)]
-            for name, part in there.vjps(np.array(cotangents)).items():
+        for g_frame, entries, r_frame in zip(g, direct, r, strict=True):
+            g_frame += chain.by_x.vjp(entries, r_frame)
+        for of_source, pattern, entries in zip(points, chain.by_points, by_points, strict=True):
+            cotangents = [pattern.vjp(e, r_frame) for e, r_frame in zip(entries, r, strict=True)]
+            for name, product in of_source.vjps(np.array(cotangents)).items():
                 if name in chain.free.slices:
-                    g[:, chain.free.slices[name]] += part
+                    g[:, chain.free.slices[name]] += product
         return r, g
 
     # The Jacobian: rows that are stored whole, and the entries of others.
@@ -161,14 +160,14 @@ class FrameGroup:
     @cached_property
     def whole(self) -> Index:
         """The rows of a frame that read points, or a large part of its free numbers directly."""
-        reads = np.bincount(self.chain.by_x.rows, minlength=self.chain.by_x.shape[0])
+        counts = np.bincount(self.chain.by_x.rows, minlength=self.chain.by_x.shape[0])
         by_points = [pattern.rows for pattern in self.chain.by_points]
-        full = np.flatnonzero(reads > FULL * self.chain.by_x.shape[1])
-        return np.unique(np.concatenate([full, *by_points])).astype(np.int64)
+        dense_rows = np.flatnonzero(counts > DENSE_ROW * self.chain.by_x.shape[1])
+        return np.unique(np.concatenate([dense_rows, *by_points])).astype(np.int64)
 
     @cached_property
-    def _into(self) -> tuple[Mask, Index]:
-        """Which single entries are in whole rows, and where each whole row stands in the block."""
+    def _whole_places(self) -> tuple[Mask, Index]:
+        """Which entries are in whole rows, and where each whole row stands in the block, or -1."""
         place = np.full(self.chain.by_x.shape[0], -1)
         place[self.whole] = np.arange(len(self.whole))
         return place[self.chain.by_x.rows] >= 0, place
@@ -176,26 +175,27 @@ class FrameGroup:
     @property
     def single(self) -> tuple[Index, Index]:
         """Rows and columns (F, l) of the entries that stand alone."""
-        alone = ~self._into[0]
+        is_single = ~self._whole_places[0]
         by_x = self.chain.by_x
-        return self.rows[:, by_x.rows[alone]], self.columns[:, by_x.columns[alone]]
+        return self.rows[:, by_x.rows[is_single]], self.columns[:, by_x.columns[is_single]]
 
-    def linearize(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, Array]:
+    def linearize(self, x: Array, fixed: Array, points: AllPoints) -> tuple[Array, Array, Array]:
         """The residuals (F, m), the whole rows (F, k, n), and the single entries (F, l)."""
-        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, places)
-        inside, place = self._into
+        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, points)
+        in_whole, place = self._whole_places
         by_x = self.chain.by_x
         block = np.zeros((len(self.frames), len(self.whole), by_x.shape[1]))
-        for i, product in enumerate(self._products):
-            for some, found in product.of(places[i], by_points[i]):
-                block[some, *product.into] += found
-        block[:, place[by_x.rows[inside]], by_x.columns[inside]] += direct[:, inside]
-        return r, block, direct[:, ~inside]
+        for i, row_product in enumerate(self._products):
+            for frames, product in row_product.of(points[i], by_points[i]):
+                block[frames, *row_product.into] += product
+        block[:, place[by_x.rows[in_whole]], by_x.columns[in_whole]] += direct[:, in_whole]
+        return r, block, direct[:, ~in_whole]
 
     @cached_property
     def _products(self) -> list["_RowProduct"]:
         sources = range(len(self.chain.sources))
-        return [_RowProduct(self.chain, i, self._into[1], len(self.frames)) for i in sources]
+        place = self._whole_places[1]
+        return [_RowProduct(self.chain, i, place, len(self.frames)) for i in sources]
 
 
 class _RowProduct:
@@ -204,45 +204,46 @@ class _RowProduct:
     def __init__(self, chain: Chain, source: int, place: Index, count: int) -> None:
         pattern = chain.by_points[source]
         reads = chain.sources[source].reads
-        wanted = [(n, at) for n, at in chain.free.slices.items() if n in reads]
-        self._wide = pattern.shape[1]  # 3 N
+        blocks = [(name, at) for name, at in chain.free.slices.items() if name in reads]
+        self._coordinates = pattern.shape[1]  # 3 N
         rows = np.unique(pattern.rows)
         numbered = pattern.matrix(np.arange(1.0, len(pattern.rows) + 1)).tocsr()[rows]
-        self._taken = numbered.data.astype(np.int64) - 1
-        self._height = len(rows)
-        most = min(AT_ONCE, count)
-        shift = np.arange(most)[:, None]
-        self._indices = (numbered.indices + shift * self._wide).ravel()
-        lengths = np.tile(np.diff(numbered.indptr), most)
+        self._order = numbered.data.astype(np.int64) - 1
+        self._n_rows = len(rows)
+        count_at_once = min(TOGETHER, count)
+        offsets = np.arange(count_at_once)[:, None]
+        self._indices = (numbered.indices + offsets * self._coordinates).ravel()
+        lengths = np.tile(np.diff(numbered.indptr), count_at_once)
         self._starts = np.concatenate([[0], np.cumsum(lengths)])
         columns = np.concatenate(
-            [np.zeros(0, int), *(np.arange(a.start, a.stop) for _, a in wanted)]
+            [np.zeros(0, int), *(np.arange(at.start, at.stop) for _, at in blocks)]
         )
-        self._columns, self._slices, at = columns, {}, 0
-        for name, where in wanted:
-            self._slices[name] = slice(at, at := at + where.stop - where.start)
-        down, across = run_of(place[rows]), run_of(columns)
-        if isinstance(down, np.ndarray) and isinstance(across, np.ndarray):
-            down = down[:, None]
-        self.into = down, across
+        self._columns, self._slices, stop = columns, {}, 0
+        for name, at in blocks:
+            self._slices[name] = slice(stop, stop := stop + at.stop - at.start)
+        row_places, column_places = run_of(place[rows]), run_of(columns)
+        if isinstance(row_places, np.ndarray) and isinstance(column_places, np.ndarray):
+            row_places = row_places[:, None]
+        self.into = row_places, column_places
 
-    def of(self, there: PointsOfEach, entries: Array) -> Iterator[tuple[slice, Array]]:
+    def of(self, points: PointsOfEach, entries: Array) -> Iterator[tuple[slice, Array]]:
         """Some of the frames, and the products (some, rows, columns) of these."""
         k = len(self._columns)
-        for first in range(0, len(entries), AT_ONCE):
-            some = slice(first, min(first + AT_ONCE, len(entries)))
-            size = some.stop - some.start
-            points = np.empty((size, self._wide, k))
-            parts = {name: points[:, :, at] for name, at in self._slices.items()}
-            there.write_jacobians(some, parts)
-            data = entries[some][:, self._taken].ravel()
-            shape = size * self._height, size * self._wide
+        for first in range(0, len(entries), TOGETHER):
+            frames = slice(first, min(first + TOGETHER, len(entries)))
+            size = frames.stop - frames.start
+            derivatives = np.empty((size, self._coordinates, k))
+            parts = {name: derivatives[:, :, at] for name, at in self._slices.items()}
+            points.write_jacobians(frames, parts)
+            data = entries[frames][:, self._order].ravel()
+            shape = size * self._n_rows, size * self._coordinates
             starts = self._starts[: shape[0] + 1]
             D = csr_array((data, self._indices[: len(data)], starts), shape=shape)
-            yield some, (D @ points.reshape(shape[1], k)).reshape(size, self._height, k)
+            product = D @ derivatives.reshape(shape[1], k)
+            yield frames, product.reshape(size, self._n_rows, k)
 
 
-WORTH = 8  # numbers of a band for each entry of the Jacobian: of more, most are zero
+BAND_PER_ENTRY = 8  # numbers of a band for each entry of the Jacobian; of more, most are zero
 
 
 class FrameChain:
@@ -257,15 +258,15 @@ class FrameChain:
         self._groups, others = _grouped(residuals, free, fixed)
         self._size, rows = sum(r.size for r in residuals), rows_of(residuals)
         none = np.zeros(0, dtype=np.int64)
-        at = (np.arange(rows[r.name].start, rows[r.name].stop) for r in others)
-        self._rest_rows = np.concatenate([none, *at])
+        rest_rows = (np.arange(rows[r.name].start, rows[r.name].stop) for r in others)
+        self._rest_rows = np.concatenate([none, *rest_rows])
         reads = {name for residual in others for name in residual.reads}
         reads |= {block.name for block in free.blocks if block.whole is not None}  # see Graph.of
         read = [block for block in fixed.blocks if block.name in reads]
-        given = (np.arange(fixed.size)[fixed.slices[block.name]] for block in read)
-        self._rest_given = np.concatenate([none, *given])
+        fixed_places = (np.arange(fixed.size)[fixed.slices[block.name]] for block in read)
+        self._rest_fixed = np.concatenate([none, *fixed_places])
         self._rest = Chain.of(others, free, Layout(tuple(read))) if others else None
-        self._last: tuple[tuple[bytes, bytes], list[Places]] = ((b"", b""), [])
+        self._last: tuple[tuple[bytes, bytes], list[AllPoints]] = ((b"", b""), [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """The whitened residual, (m,)."""
@@ -279,29 +280,29 @@ class FrameChain:
         """The cost and its gradient (n,); no Jacobian is formed."""
         cost, g = 0.0, np.zeros(len(x))
         if self._rest is not None:
-            cost, g = self._rest.gradient(x, fixed[self._rest_given])
-        for group, places in zip(self._groups, self._places(x, fixed), strict=True):
-            r, own = group.gradient(x, fixed, places)
+            cost, g = self._rest.gradient(x, fixed[self._rest_fixed])
+        for group, points in zip(self._groups, self._points(x, fixed), strict=True):
+            r, g_group = group.gradient(x, fixed, points)
             cost += half_squared(r.ravel())
-            np.add.at(g, group.columns, own)
+            np.add.at(g, group.columns, g_group)
         return cost, g
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Matrix]:
         """r (m,) and J (m, n): blocks of frames where it is large, else an array."""
-        r, parts, blocks = np.empty(self._size), [], []
-        for group, places in zip(self._groups, self._places(x, fixed), strict=True):
-            r[group.rows], block, single = group.linearize(x, fixed, places)
+        r, single, blocks = np.empty(self._size), [], []
+        for group, points in zip(self._groups, self._points(x, fixed), strict=True):
+            r[group.rows], block, entries = group.linearize(x, fixed, points)
             blocks.append(block)
-            parts.append(single)
+            single.append(entries)
         if self._rest is not None:
-            r[self._rest_rows], J = self._rest.linearize(x, fixed[self._rest_given])
-            parts.append(entries_at(J, self._rest.pattern))
-        at = tuple(BlockPlaces(group.rows[:, group.whole], group.columns) for group in self._groups)
-        found = BlockMatrix(self._entries.matrix(parts), tuple(blocks), at, self._order)
+            r[self._rest_rows], J = self._rest.linearize(x, fixed[self._rest_fixed])
+            single.append(entries_at(J, self._rest.pattern))
+        places = tuple(BlockPlaces(g.rows[:, g.whole], g.columns) for g in self._groups)
+        jacobian = BlockMatrix(self._entries.matrix(single), tuple(blocks), places, self._order)
         if not self.sparse:
-            return r, found.dense
-        band = (self._order.reach + 1) * len(self._order.inner)
-        return r, found if band <= WORTH * self._stored else found.sparse
+            return r, jacobian.dense
+        band_size = (self._order.reach + 1) * len(self._order.inner)
+        return r, jacobian if band_size <= BAND_PER_ENTRY * self._stored else jacobian.sparse
 
     @cached_property
     def sparse(self) -> bool:
@@ -319,11 +320,11 @@ class FrameChain:
         """Where the Jacobian can be nonzero, (m, n); points depend on all of their blocks."""
         parts: list[tuple[Index, NDArray[np.signedinteger]]] = []
         for group in self._groups:
-            one = group.chain.pattern.tocoo()
-            parts.append((group.rows[:, one.row], group.columns[:, one.col]))
+            pattern = group.chain.pattern.tocoo()
+            parts.append((group.rows[:, pattern.row], group.columns[:, pattern.col]))
         if self._rest is not None:
-            one = self._rest.pattern.tocoo()
-            parts.append((self._rest_rows[one.row], one.col))
+            pattern = self._rest.pattern.tocoo()
+            parts.append((self._rest_rows[pattern.row], pattern.col))
         return SparseSum(parts, (self._size, self._free.size)).pattern
 
     @cached_property
@@ -339,24 +340,24 @@ class FrameChain:
         self,
         x: Array,
         fixed: Array,
-        of_group: Callable[[FrameGroup, Array, Array, Places], Array],
+        of_group: Callable[[FrameGroup, Array, Array, AllPoints], Array],
         of_rest: Callable[[Chain, Array, Array], Array],
     ) -> Array:
-        found = np.empty(self._size)
-        for group, places in zip(self._groups, self._places(x, fixed), strict=True):
-            found[group.rows] = of_group(group, x, fixed, places)
+        gathered = np.empty(self._size)
+        for group, points in zip(self._groups, self._points(x, fixed), strict=True):
+            gathered[group.rows] = of_group(group, x, fixed, points)
         if self._rest is not None:
-            found[self._rest_rows] = of_rest(self._rest, x, fixed[self._rest_given])
-        return found
+            gathered[self._rest_rows] = of_rest(self._rest, x, fixed[self._rest_fixed])
+        return gathered
 
-    def _places(self, x: Array, fixed: Array) -> list[Places]:
+    def _points(self, x: Array, fixed: Array) -> list[AllPoints]:
         """The points of every group, source and frame at x; kept for the next call there."""
         last, key = self._last, (x.tobytes(), fixed.tobytes())
         if key != last[0]:
             values = all_values(self._free, x, self._fixed, fixed)
             blocks = {b.base.name: b.base for b in (*self._free.blocks, *self._fixed.blocks)}
             framed = {name: block.framed for name, block in blocks.items()}
-            self._last = last = key, [group.places(values, framed) for group in self._groups]
+            self._last = last = key, [group.points(values, framed) for group in self._groups]
         return last[1]
 
     # How the Jacobian is put together.
@@ -364,11 +365,11 @@ class FrameChain:
     @cached_property
     def _entries(self) -> SparseSum:
         """The places of the entries that are in no block."""
-        parts = [group.single for group in self._groups]
+        places = [group.single for group in self._groups]
         if self._rest is not None:
-            one = self._rest.pattern
-            parts.append((self._rest_rows[one.indices], columns_of_nonzeros(one)))
-        return SparseSum(parts, (self._size, self._free.size))
+            pattern = self._rest.pattern
+            places.append((self._rest_rows[pattern.indices], columns_of_nonzeros(pattern)))
+        return SparseSum(places, (self._size, self._free.size))
 
     @cached_property
     def _order(self) -> BandOrder:
@@ -393,12 +394,12 @@ def _order(free: Layout, rest: csc_array) -> BandOrder:
     position[inner] = np.arange(len(inner))
     reach = int(np.diff(edges).max(initial=1)) - 1
     by_rows = csr_array(rest)
-    at = position[by_rows.indices]
-    rows = rows_of_nonzeros(by_rows)[at >= 0]
-    at = at[at >= 0]
-    if len(at):
+    positions = position[by_rows.indices]
+    rows = rows_of_nonzeros(by_rows)[positions >= 0]
+    positions = positions[positions >= 0]
+    if len(positions):
         starts = np.flatnonzero(np.diff(rows, prepend=-1))
-        spans = np.maximum.reduceat(at, starts) - np.minimum.reduceat(at, starts)
+        spans = np.maximum.reduceat(positions, starts) - np.minimum.reduceat(positions, starts)
         reach = max(reach, int(spans.max()))
     return BandOrder(inner, np.flatnonzero(frame_of < 0), reach, edges)
 
@@ -415,27 +416,27 @@ def _grouped(
     parts: dict[int, list[tuple[Residual, Index]]] = {}  # of each frame, with their rows
     for residual in residuals:
         first = rows[residual.name].start
-        for t, one in residual.by_frame:
-            parts.setdefault(t, []).append((one, np.arange(first, first + one.size)))
-            first += one.size
-    known: dict[object, _SingleFrame] = {}
+        for t, part in residual.by_frame:
+            parts.setdefault(t, []).append((part, np.arange(first, first + part.size)))
+            first += part.size
+    frames: dict[object, _SingleFrame] = {}  # by their residuals
     chains: dict[object, tuple[Chain, list[tuple[int, Index, Index, Index]]]] = {}
     for t in sorted(parts):
-        own = tuple(one for one, _ in parts[t])
-        key = tuple(map(id, own))
-        frame = known[key] = known.get(key) or _SingleFrame(own)
-        at = frame.at(t, free, fixed)
-        whole = key, at.entries
-        if whole not in chains:
-            graph = split(frame.stacked, frame.points, at.free, at.fixed)
-            chain = Chain(*graph, at.free, at.fixed)
+        frame_residuals = tuple(part for part, _ in parts[t])
+        key = tuple(map(id, frame_residuals))
+        frame = frames[key] = frames.get(key) or _SingleFrame(frame_residuals)
+        places = frame.at(t, free, fixed)
+        key_of_chain = key, places.entries
+        if key_of_chain not in chains:
+            graph = split(frame.stacked, frame.points, places.free, places.fixed)
+            chain = Chain(*graph, places.free, places.fixed)
             if chain.sparse or any(
                 s.pattern(name) is not None for s in chain.sources for name in s.reads
             ):
                 return [], list(residuals)
-            chains[whole] = chain, []
+            chains[key_of_chain] = chain, []
         numbers = np.concatenate([r for _, r in parts[t]])
-        chains[whole][1].append((t, numbers, at.columns, at.given))
+        chains[key_of_chain][1].append((t, numbers, places.columns, places.fixed_places))
     groups = [
         FrameGroup(chain, *(np.array(each) for each in zip(*members, strict=True)))
         for chain, members in chains.values()

@@ -19,7 +19,7 @@ from workbench.problem.storage import Stored, is_sparse
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
-SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
+RANDOM_SUMS = 3  # of a row's terms with random weights: in a single one they may cancel
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ class Graph:
         A block that is free in part stands in both: whole among the fixed ones, where the free
         numbers take the places of some.
         """
-        x, given = cs.MX.sym("x", free.size), cs.MX.sym("fixed", fixed.size)
-        values = dict(zip(fixed.blocks, fixed.pieces(given), strict=True))
+        x, fixed_numbers = cs.MX.sym("x", free.size), cs.MX.sym("fixed", fixed.size)
+        values = dict(zip(fixed.blocks, fixed.pieces(fixed_numbers), strict=True))
         for block, piece in zip(free.blocks, free.pieces(x), strict=True):
             if block.whole is None:
                 values[block] = piece
@@ -49,7 +49,7 @@ class Graph:
         pieces = list(values.values())
         named = cs.Function("named", symbols, [expression])
         (r,) = named.call([*pieces, *points], True, False)  # inlined: seeds stay sparse
-        return Graph(x, given, tuple(points), r)
+        return Graph(x, fixed_numbers, tuple(points), r)
 
     @cached_property
     def function(self) -> cs.Function:
@@ -76,9 +76,9 @@ class Graph:
         )
 
     def _function(self, name: str, outputs: Mapping[str, cs.MX]) -> cs.Function:
-        given = [self.x, self.fixed, *self.points]
+        arguments = [self.x, self.fixed, *self.points]
         names = ["x", "fixed", *(f"points{i}" for i, _ in enumerate(self.points))]
-        return cs.Function(name, given, [*outputs.values()], names, [*outputs])
+        return cs.Function(name, arguments, [*outputs.values()], names, [*outputs])
 
 
 def stored(matrix: cs.DM) -> Stored:
@@ -97,12 +97,12 @@ def split(
 
     The other points become part of the graph.
     """
-    quick = [(p, p.source.numeric) for p in points]
-    by_graph = [p for p, found in quick if found is None]
-    placeholders = [p.symbol for p, found in quick if found is not None]
-    graph = Graph.of(in_blocks(expression, by_graph), free, fixed, placeholders)
-    numeric = (by_free_entries(found, free) for _, found in quick if found is not None)
-    return graph, tuple(numeric)
+    arithmetic = [(p, p.source.numeric) for p in points]
+    without_arithmetic = [p for p, numeric in arithmetic if numeric is None]
+    placeholders = [p.symbol for p, numeric in arithmetic if numeric is not None]
+    graph = Graph.of(in_blocks(expression, without_arithmetic), free, fixed, placeholders)
+    sources = (by_free_entries(numeric, free) for _, numeric in arithmetic if numeric is not None)
+    return graph, tuple(sources)
 
 
 def term_sizes(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
@@ -114,15 +114,16 @@ def term_sizes(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """
     named, symbol, constants = _constants_named(r, arguments)
     rng = np.random.default_rng(0)  # always the same weights
-    sums = cs.MX(r.shape[0], SUMS)
-    every = [*arguments, symbol]
-    for a in every:
+    sums = cs.MX(r.shape[0], RANDOM_SUMS)
+    all_arguments = [*arguments, symbol]
+    for a in all_arguments:
         if a.numel():
-            weights = rng.standard_normal((a.shape[0], SUMS * a.shape[1]))
-            sums += cs.jtimes(named, a, cs.DM(weights) * cs.repmat(a, 1, SUMS))
-    size = cs.Function("size", every, [cs.densify(cs.sum2(cs.fabs(sums)) / np.sqrt(SUMS))])
-    (found,) = size.call([*arguments, cs.MX(constants)], True, False)
-    return found
+            weights = rng.standard_normal((a.shape[0], RANDOM_SUMS * a.shape[1]))
+            sums += cs.jtimes(named, a, cs.DM(weights) * cs.repmat(a, 1, RANDOM_SUMS))
+    mean = cs.densify(cs.sum2(cs.fabs(sums)) / np.sqrt(RANDOM_SUMS))
+    size = cs.Function("size", all_arguments, [mean])
+    (estimate,) = size.call([*arguments, cs.MX(constants)], True, False)
+    return estimate
 
 
 def _constants_named(r: cs.MX, symbols: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, cs.DM]:
@@ -149,19 +150,19 @@ def _constants_named(r: cs.MX, symbols: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, 
 
 def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
     """The source, with derivatives only by the free entries of its blocks."""
-    parts = (block for block in free.parts if block.name in source.reads)
-    wanted = {block.name: np.array(block.places) for block in parts}
-    if not wanted:
+    blocks = (block for block in free.parts if block.name in source.reads)
+    places = {block.name: np.array(block.places) for block in blocks}
+    if not places:
         return source
-    return source.only(wanted) or _RestrictedPoints(source, wanted)
+    return source.only(places) or _RestrictedPoints(source, places)
 
 
 @dataclass(frozen=True, eq=False)
 class _RestrictedPoints(NumericPoints):
-    """Points whose derivatives by some blocks are taken by the `wanted` entries alone."""
+    """Points whose derivatives by some blocks are taken by the entries at `places` alone."""
 
     source: NumericPoints
-    wanted: Mapping[str, Index]
+    places: Mapping[str, Index]
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -171,12 +172,12 @@ class _RestrictedPoints(NumericPoints):
         return self.source.evaluate_batch(values)
 
     def pattern(self, name: str) -> csc_array | None:
-        found = self.source.pattern(name)
-        return None if found is None else self.columns(found, name)
+        pattern = self.source.pattern(name)
+        return None if pattern is None else self.columns(pattern, name)
 
     def columns(self, matrix: csc_array, name: str) -> csc_array:
-        """The columns (3 N, wanted) of a derivative by a whole block."""
-        return csc_array(matrix[:, self.wanted[name]]) if name in self.wanted else matrix
+        """The columns (3 N, k) of the free entries in a derivative by a whole block."""
+        return csc_array(matrix[:, self.places[name]]) if name in self.places else matrix
 
     def nonzeros(self, name: str) -> int | None:
         return self.source.nonzeros(name)
@@ -196,20 +197,20 @@ class _RestrictedPointsAt(PointsAt):
         return self.here.points
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        whole = {
+        of_blocks = {
             name: np.zeros((np.size(self.values[name]), array.shape[1]))
-            if name in self.of.wanted
+            if name in self.of.places
             else array
             for name, array in into.items()
         }
-        self.here.write_jacobian(whole, scale)
-        for name in into.keys() & self.of.wanted.keys():
-            into[name][...] = whole[name][self.of.wanted[name]]
+        self.here.write_jacobian(of_blocks, scale)
+        for name in into.keys() & self.of.places.keys():
+            into[name][...] = of_blocks[name][self.of.places[name]]
 
     def jacobian(self, name: str) -> csc_array:
         return self.of.columns(self.here.jacobian(name), name)
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        wanted = self.of.wanted
-        found = self.here.vjp(cotangent)
-        return {name: g[wanted[name]] if name in wanted else g for name, g in found.items()}
+        places = self.of.places
+        products = self.here.vjp(cotangent)
+        return {name: g[places[name]] if name in places else g for name, g in products.items()}

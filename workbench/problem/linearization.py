@@ -56,20 +56,20 @@ def graded_svd(R: Array, lengths: Array, relative: float) -> tuple[Array, Array]
     and accurate Jacobi SVD algorithm, 2008.
     """
     k, n = R.shape
-    read = np.flatnonzero(lengths > 0)
-    d, R = lengths[read], R[:, read]
-    _, even, Vt = np.linalg.svd(R / d, full_matrices=True)
-    rank = int(np.sum(even > relative * even.max(initial=0.0)))
+    nonzero = np.flatnonzero(lengths > 0)
+    d, R = lengths[nonzero], R[:, nonzero]
+    _, s_unit, Vt = np.linalg.svd(R / d, full_matrices=True)
+    rank = int(np.sum(s_unit > relative * s_unit.max(initial=0.0)))
     null = Vt[rank:].T
-    null[abs(null) < max(relative, EPS * read.size)] = 0.0
+    null[abs(null) < max(relative, EPS * nonzero.size)] = 0.0
     null = np.linalg.qr(null / d[:, None] * d.min())[0]
     Q = complement(null)
-    found, V = _by_jacobi(R @ Q)
+    determined, V = _by_jacobi(R @ Q)
     s, directions = np.zeros(k), np.zeros((n, n))
-    s[:rank] = found
-    directions[:rank, read] = V @ Q.T
-    directions[rank : read.size, read] = null.T
-    directions[np.arange(read.size, n), np.flatnonzero(lengths == 0)] = 1.0
+    s[:rank] = determined
+    directions[:rank, nonzero] = V @ Q.T
+    directions[rank : nonzero.size, nonzero] = null.T
+    directions[np.arange(nonzero.size, n), np.flatnonzero(lengths == 0)] = 1.0
     return s, directions
 
 
@@ -92,13 +92,13 @@ def _by_jacobi(R: Array) -> tuple[Array, Array]:
     """`s` (n,) and Vt (n, n) of R (k, n) of full column rank, small s as accurate as large ones."""
     if not R.shape[1]:
         return np.zeros(0), np.zeros((0, 0))
-    found, _, V, work, _, failed = scipy.linalg.lapack.dgejsv(
+    scaled_s, _, V, work, _, failed = scipy.linalg.lapack.dgejsv(
         R, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
     )
     if failed:
         _, s, Vt = np.linalg.svd(R, full_matrices=False)
         return s, Vt
-    return found * (work[0] / work[1]), V.T
+    return scaled_s * (work[0] / work[1]), V.T
 
 
 def largest_eigenvalue(product: Callable[[Array], Array], n: int, accuracy: float) -> float:
@@ -132,7 +132,7 @@ def largest_eigenpairs(
     return np.asarray(values[order]), np.asarray(vectors[:, order])
 
 
-NEGLIGIBLE = 1e-9  # the square of an entry's part in the null space up to which it has none
+NEGLIGIBLE_SHARE = 1e-9  # of an entry's unit vector in the null space, squared: as good as none
 
 
 def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
@@ -143,7 +143,7 @@ def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
     of v_i^2 of its unit vector in it.
     """
     half = Vt.T / s / lengths[:, None]
-    null = 1 - np.sum(Vt**2, axis=0) > NEGLIGIBLE
+    null = 1 - np.sum(Vt**2, axis=0) > NEGLIGIBLE_SHARE
     C: Array = half @ half.T
     C[null, :] = C[:, null] = np.nan
     C[null, null] = np.inf
@@ -152,19 +152,19 @@ def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
 
 def inverse_times(normal: Symmetric, right: Array, raised: Array | float = 0.0) -> Array | None:
     """(A + diag(raised))^-1 times an array (n, k), A = J'J; None where too few digits are left."""
-    more = np.broadcast_to(np.asarray(raised, dtype=float), normal.shape[:1])
+    on_diagonal = np.broadcast_to(np.asarray(raised, dtype=float), normal.shape[:1])
     if not isinstance(normal, np.ndarray):
-        factor = factor_of(normal, more)
+        factor = factor_of(normal, on_diagonal)
         return None if factor is None else factor.solve(right)
     try:
-        lower = scipy.linalg.cho_factor(normal + np.diag(more), lower=True)
+        lower = scipy.linalg.cho_factor(normal + np.diag(on_diagonal), lower=True)
     except np.linalg.LinAlgError:
         return None
     return np.asarray(scipy.linalg.cho_solve(lower, right))
 
 
-TOGETHER = 2**14  # rows of J in one QR: so many stay near the processor, and need little memory
-ESTIMATED = 1e-7  # of the largest singular value: the others come from J'J, with half the digits
+ROWS_AT_ONCE = 2**14  # in one QR of J: so many stay near the processor, and need little memory
+ESTIMATED_TOLERANCE = 1e-7  # of the largest singular value; from J'J they have half the digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,11 +219,11 @@ class Linearization:
     @cached_property
     def normal(self) -> Symmetric:
         """J' J, (n, n), the Gauss-Newton Hessian, sparse if J is; infinite where too large."""
-        found = normal_equations(self.jacobian, self.residual)
-        if found is None:
+        products = normal_equations(self.jacobian, self.residual)
+        if products is None:
             return storage.gram(self.jacobian)
-        self.__dict__.setdefault("gradient", found[1])  # it is there in the same pass
-        return found[0]
+        self.__dict__.setdefault("gradient", products[1])  # it is there in the same pass
+        return products[0]
 
     @cached_property
     def column_norms(self) -> Array:
@@ -251,8 +251,8 @@ class Linearization:
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
         """The linearization of some rows by some unknowns only."""
-        part = self.rows(rows).jacobian
-        return Linearization(self.residual[rows], storage.unblocked(part)[:, columns])
+        part = self.rows(rows)
+        return Linearization(part.residual, storage.unblocked(part.jacobian)[:, columns])
 
     @cached_property
     def finite(self) -> bool:
@@ -299,8 +299,8 @@ class Linearization:
         m, n = self.shape
         d, J, k = self.lengths, self.dense, min(self.shape)
         R = np.zeros((0, n + 1))
-        for first in range(0, m, TOGETHER):  # rows above, reduced to R, and the next ones
-            rows = slice(first, min(first + TOGETHER, m))
+        for first in range(0, m, ROWS_AT_ONCE):  # rows above, reduced to R, and the next ones
+            rows = slice(first, min(first + ROWS_AT_ONCE, m))
             A = np.empty((len(R) + rows.stop - first, n + 1), order="F")
             A[: len(R)] = R
             np.divide(J[rows], d, out=A[len(R) :, :n])
@@ -345,8 +345,8 @@ class Linearization:
     @cached_property
     def uneven(self) -> bool:
         """Whether the columns differ so much in length that no single tolerance suits all."""
-        read = self.column_norms[self.column_norms > 0]
-        return bool(read.size and read.max() > UNEVEN * read.min())
+        nonzero = self.column_norms[self.column_norms > 0]
+        return bool(nonzero.size and nonzero.max() > UNEVEN * nonzero.min())
 
     @cached_property
     def lengths(self) -> Array:
@@ -360,7 +360,7 @@ class Linearization:
 
     @property
     def _relative(self) -> float:
-        return ESTIMATED if self.estimated else EPS * max(self.shape)
+        return ESTIMATED_TOLERANCE if self.estimated else EPS * max(self.shape)
 
     def step(self, damping: float = 0.0, scaling: Array | float = 1.0) -> Array:
         """The p (n,) that minimises |J p + r|^2 + damping |D p|^2, D = diag(scaling).
@@ -373,22 +373,22 @@ class Linearization:
 
     def without(self, held: Mask, p: Array) -> "Linearization":
         """The linearization by unknowns not `held` (n,), after the held ones have moved by p."""
-        moved = self.residual + self.along(np.where(held, p, 0.0))
-        smaller = Linearization(moved, storage.columns_of(self.jacobian, ~held))
+        residual = self.residual + self.along(np.where(held, p, 0.0))
+        smaller = Linearization(residual, storage.columns_of(self.jacobian, ~held))
         if type(smaller.jacobian) is type(self.jacobian):
             smaller.__dict__["normal"] = storage.part(self.normal, ~held)
         return smaller
 
     def holding(self, held: Mask, p: Array) -> "Linearization":
         """The linearization after the `held` unknowns have moved by p; their columns become 0."""
-        moved = self.residual + self.along(np.where(held, p, 0.0))
-        return Linearization(moved, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
+        residual = self.residual + self.along(np.where(held, p, 0.0))
+        return Linearization(residual, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
 
     def rows(self, part: Index | slice) -> "Linearization":
         """The linearization of some rows only."""
-        some = self._by_rows[part]
+        rows = self._by_rows[part]
         return Linearization(
-            self.residual[part], csc_array(some) if isinstance(some, csr_array) else some
+            self.residual[part], csc_array(rows) if isinstance(rows, csr_array) else rows
         )
 
     def columns(self, part: Index) -> "Linearization":
@@ -401,11 +401,11 @@ class Linearization:
 
     def scaled(self, factors: Array) -> "Linearization":
         """The linearization by unknowns y with x = factors * y, factors (n,)."""
-        found = Linearization(self.residual, storage.scaled(self.jacobian, factors))
+        scaled = Linearization(self.residual, storage.scaled(self.jacobian, factors))
         if "triangle" in self.__dict__ and (factors > 0).all():  # units change its lengths alone
             _, R, b = self.triangle
-            found.__dict__["triangle"] = found.lengths, R, b
-        return found
+            scaled.__dict__["triangle"] = scaled.lengths, R, b
+        return scaled
 
     def predicted_decrease(self, p: Array) -> float:
         """By how much the linear model predicts that the step p (n,) lowers the cost."""

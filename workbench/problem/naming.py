@@ -1,4 +1,4 @@
-"""What a problem is given, checked: names of blocks, bounds and units."""
+"""Checks of what a problem is made of: names of blocks, bounds and units."""
 
 import re
 from collections import Counter
@@ -35,18 +35,16 @@ def parts_of(
 
     Raises BadResidual, BadConstraint or BadBlock, and DuplicateResidual for a name that two have.
     """
-    found = (
-        several("the residuals of a problem", residuals, Residual, BadResidual),
-        several("the constraints of a problem", constraints, Constraint, BadConstraint),
-        several("the blocks of a problem", blocks, Block, BadBlock),
-    )
-    if not found[0]:
+    parts = several("the residuals of a problem", residuals, Residual, BadResidual)
+    limits = several("the constraints of a problem", constraints, Constraint, BadConstraint)
+    described = several("the blocks of a problem", blocks, Block, BadBlock)
+    if not parts:
         raise BadResidual("a problem needs at least one residual")
-    names = [*(r.name for r in found[0]), *(c.name for c in found[1])]
+    names = [*(part.name for part in parts), *(limit.name for limit in limits)]
     for name, count in Counter(names).items():
         if count > 1:
             raise DuplicateResidual(name)
-    return found
+    return parts, limits, described
 
 
 def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
@@ -55,16 +53,18 @@ def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
     return {r.name: slice(*edge) for r, edge in zip(residuals, pairwise(edges), strict=True)}
 
 
-def check_names(asked: Iterable[str], read: Collection[str], named: Iterable[Block]) -> None:
-    """Raise UnreadBlock for a name among the blocks that are `named` but not read, UnknownName for
-    one that is known from nowhere.
+def check_names(names: Iterable[str], read: Collection[str], described: Iterable[Block]) -> None:
+    """Check names of blocks or entries, which residuals or constraints must read.
+
+    Raises UnreadBlock for one of the blocks that are `described` but not read, and UnknownName for
+    a name that is known from nowhere.
     """
-    described = {block.name for block in named}
-    for entry in asked:
+    unread = {block.name for block in described}.difference(read)
+    for entry in names:
         name = block_of(entry, read)
         if name in read:
             continue
-        if name in described:
+        if name in unread:
             raise UnreadBlock(name, read)
         more = "a block that no residual and no constraint reads can be neither free nor bounded"
         raise UnknownName("block", name, read, more=more)
@@ -75,17 +75,18 @@ def free_and_fixed(known: Layout, free: Iterable[str]) -> tuple[Layout, Layout]:
 
     Raises UnknownName, or BadArgument if entries of a block are named that has none.
     """
-    taken: dict[str, set[int]] = {}
+    entries: dict[str, set[int]] = {}  # that are free, by the name of their block
     for name in free:
         block = block_of(name, known.names)
         start = known.slices[block].start
-        taken.setdefault(block, set()).update(i - start for i in places_named(known, name, "block"))
-    chosen = [
-        known[name] if len(entries) == known[name].size else Block.part(known[name], entries)
-        for name, entries in taken.items()
+        places = (place - start for place in places_named(known, name, "block"))
+        entries.setdefault(block, set()).update(places)
+    blocks = [
+        known[name] if len(places) == known[name].size else Block.part(known[name], places)
+        for name, places in entries.items()
     ]
-    whole = {block.name for block in chosen if block.whole is None}
-    return Layout(tuple(chosen)), Layout(tuple(b for b in known.blocks if b.name not in whole))
+    whole = {block.name for block in blocks if block.whole is None}
+    return Layout(tuple(blocks)), Layout(tuple(b for b in known.blocks if b.name not in whole))
 
 
 def blocks_behind(
@@ -98,10 +99,10 @@ def blocks_behind(
     points = tuple(points)
     known = {block.symbol.__hash__(): block for block in described}
     placeholders = {p.symbol.__hash__() for p in points}
-    found = [s for s in cs.symvar(stacked) if s.__hash__() not in placeholders]
-    found += [block.symbol for p in points for block in p.source.blocks]
+    symbols = [s for s in cs.symvar(stacked) if s.__hash__() not in placeholders]
+    symbols += [block.symbol for p in points for block in p.source.blocks]
     blocks: dict[str, Block] = {}
-    for symbol in {s.__hash__(): s for s in found}.values():
+    for symbol in {s.__hash__(): s for s in symbols}.values():
         if symbol.name() in blocks:
             raise TwoSymbolsOneName(symbol.name())
         blocks[symbol.name()] = known.get(symbol.__hash__()) or Block.of(symbol)
@@ -169,13 +170,13 @@ def _limit(name: str, pair: object, side: int, block: Block) -> Array:
         raise ShapeMismatch(f"bounds of {name}", expected=block.shape, got=limit.shape) from None
 
 
-NONE = "1"  # the unit of a block of which nobody said one
-SINGLE = re.compile(r"[^\W\d_]+|[%°]")  # a unit that is not put together of others
-MOST, DEEPEST = 1_000, 100  # parts of an expression that are looked at, from its end
-SUMS = (cs.OP_ADD, cs.OP_SUB)
+NO_UNIT = "1"  # of a block of which nobody said one
+SINGLE_UNIT = re.compile(r"[^\W\d_]+|[%°]")  # one that is not put together of others
+MOST_PARTS, DEEPEST_PART = 1_000, 100  # of an expression that are looked at, from its end
+ADDING = (cs.OP_ADD, cs.OP_SUB)
 OF_ANGLES = {cs.OP_SIN: "sine", cs.OP_COS: "cosine", cs.OP_TAN: "tangent"}
 DEGREES = ("deg", "degree", "degrees", "°")
-SAME = (  # operations that move numbers and do not change them
+MOVING = (  # operations that move numbers; a sign does not change a unit
     cs.OP_NEG,
     cs.OP_RESHAPE,
     cs.OP_TRANSPOSE,
@@ -196,7 +197,7 @@ def check_units(
     unit is "1" are not known, nor those of products. N m and J are the same, and m/s less m may
     have left out 1 s.
     """
-    known = {b.symbol.__hash__(): (b.unit, b.name) for b in blocks.values() if b.unit != NONE}
+    known = {b.symbol.__hash__(): (b.unit, b.name) for b in blocks.values() if b.unit != NO_UNIT}
     known |= {p.symbol.__hash__(): ("m", p.name) for p in points if p.symbol.shape[0] == 3}
     units = {unit for unit, _ in known.values()}
     if len(units) < 2 and not units & {*DEGREES}:
@@ -204,28 +205,28 @@ def check_units(
     for part in parts:
         if not (isinstance(part, Residual) and part.by_frame):  # its frames were looked at
             what = f"{type(part).__name__.lower()} {part.name!r}"
-            _measured(part.expression, known, what, {}, 0)
+            _unit_of(part.expression, known, what, {}, 0)
 
 
-def _measured(
+def _unit_of(
     part: cs.MX,
     known: Mapping[int, _Measured],
     what: str,
-    seen: dict[int, _Measured | None],
+    visited: dict[int, _Measured | None],
     depth: int,
 ) -> _Measured | None:
     """The unit of a part of an expression, or None where it is not known."""
     key = part.__hash__()
-    if key in seen or len(seen) >= MOST or depth >= DEEPEST:
-        return seen.get(key)
+    if key in visited or len(visited) >= MOST_PARTS or depth >= DEEPEST_PART:
+        return visited.get(key)
     if part.is_symbolic():
         return known.get(key)
-    seen[key] = None  # while its own parts are looked at
-    each = [_measured(part.dep(i), known, what, seen, depth + 1) for i in range(part.n_dep())]
-    if part.op() in SUMS:
-        first, second = each
+    visited[key] = None  # while its operands are looked at
+    units = [_unit_of(part.dep(i), known, what, visited, depth + 1) for i in range(part.n_dep())]
+    if part.op() in ADDING:
+        first, second = units
         if first and second and first[0] != second[0]:
-            if SINGLE.fullmatch(first[0]) and SINGLE.fullmatch(second[0]):
+            if SINGLE_UNIT.fullmatch(first[0]) and SINGLE_UNIT.fullmatch(second[0]):
                 raise BadResidual(
                     f"{what} adds or subtracts {first[1]!r}, in {first[0]}, and {second[1]!r}, in "
                     f"{second[0]}; give both in one unit, or convert one where it is read, as in "
@@ -233,12 +234,12 @@ def _measured(
                     "one"
                 )
         else:
-            seen[key] = first or second
-    elif part.op() in OF_ANGLES and each[0] and each[0][0] in DEGREES:
+            visited[key] = first or second
+    elif part.op() in OF_ANGLES and units[0] and units[0][0] in DEGREES:
         raise BadResidual(
-            f"{what} takes the {OF_ANGLES[part.op()]} of {each[0][1]!r}, in {each[0][0]}; multiply "
-            "it by pi / 180 first, or give it in rad"
+            f"{what} takes the {OF_ANGLES[part.op()]} of {units[0][1]!r}, in {units[0][0]}; "
+            "multiply it by pi / 180 first, or give it in rad"
         )
-    elif part.op() in SAME and len({one and one[0] for one in each}) == 1:
-        seen[key] = each[0]
-    return seen[key]
+    elif part.op() in MOVING and len({unit and unit[0] for unit in units}) == 1:
+        visited[key] = units[0]
+    return visited[key]

@@ -19,7 +19,7 @@ from workbench.problem.storage import Stored, absolute, dense, row_norms
 if TYPE_CHECKING:
     from workbench.problem.linearization import Linearization
 
-FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
+ROUNDING_FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +78,11 @@ class RowSupport:
         self._groups = csr_array(kinds_of[first] @ rows_of)
         self._groups.data[:] = 1.0
         groups, single = self._groups.tocoo(), own.tocoo()
-        taken = np.ravel_multi_index((groups.row, groups.col), groups.shape)
-        at = np.ravel_multi_index((self._group_of[single.row], single.col), groups.shape)
-        apart = ~np.isin(at, taken)  # so that nothing counts twice
-        kept = single.row[apart], single.col[apart]
-        self._own = csr_array((np.ones(len(kept[0])), kept), shape=own.shape)
+        in_groups = np.ravel_multi_index((groups.row, groups.col), groups.shape)
+        own_places = np.ravel_multi_index((self._group_of[single.row], single.col), groups.shape)
+        outside = ~np.isin(own_places, in_groups)  # so that nothing counts twice
+        own_entries = single.row[outside], single.col[outside]
+        self._own = csr_array((np.ones(len(own_entries[0])), own_entries), shape=own.shape)
 
     @staticmethod
     def of_frames(
@@ -93,17 +93,20 @@ class RowSupport:
         `parts` has for each group the support of one frame, and the rows (F, m) and the free
         numbers (F, n) of its F frames.
         """
-        kinds_of, rows_of, own, first = [], [], [], 0
-        for one, rows, columns in parts:
-            groups, single = one._groups.tocoo(), one._own.tocoo()
-            kinds = first + groups.shape[0] * np.arange(len(rows))[:, None]
-            first += groups.shape[0] * len(rows)
-            kinds_of.append((columns, kinds + one._group_of))
+        kinds_of, rows_of, own, count = [], [], [], 0
+        for support, rows, columns in parts:
+            groups, single = support._groups.tocoo(), support._own.tocoo()
+            kinds = count + groups.shape[0] * np.arange(len(rows))[:, None]
+            count += groups.shape[0] * len(rows)
+            kinds_of.append((columns, kinds + support._group_of))
             rows_of.append((kinds + groups.row, rows[:, groups.col]))
             own.append((columns[:, single.row], rows[:, single.col]))
         n, m = shape
-        each = (kinds_of, (n, first)), (rows_of, (first, m)), (own, (n, m))
-        return RowSupport(*(csr_array(SparseSum(*one).pattern) for one in each))
+        return RowSupport(
+            csr_array(SparseSum(kinds_of, (n, count)).pattern),
+            csr_array(SparseSum(rows_of, (count, m)).pattern),
+            csr_array(SparseSum(own, shape).pattern),
+        )
 
     def norms(self, rows: Array) -> Array:
         """|v| over the rows that each free number can change: (n,) for v (m,)."""
@@ -127,7 +130,7 @@ class RowSupport:
         return self.rows(np.ones(len(self._group_of), dtype=bool))
 
 
-ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
+ROUNDING_OF_ROWS = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
 
 
 class LinearLimits(NamedTuple):
@@ -147,10 +150,10 @@ def projected(target: Array, limits: LinearLimits) -> Array:
     """
     k, n = limits.A.shape
     lengths = row_norms(limits.A)
-    flat = lengths == 0
-    if (flat & ((limits.down > 0) | (limits.up < 0))).any():
+    is_zero = lengths == 0
+    if (is_zero & ((limits.down > 0) | (limits.up < 0))).any():
         return np.full_like(target, np.inf)
-    lengths = np.where(flat, 1.0, lengths)
+    lengths = np.where(is_zero, 1.0, lengths)
     down, up = limits.down / lengths, limits.up / lengths
     if n * (n + k) <= storage.DENSE_FROM:
         rows = dense(limits.A) / lengths[:, None]
@@ -175,11 +178,11 @@ def projected_dense(target: Array, limits: LinearLimits) -> Array:
     )
     if reach == 0:
         return np.zeros_like(target)
-    at = rows @ target
+    at_target = rows @ target
     G = np.concatenate([rows, -rows])
-    h = np.concatenate([lows - at, at - highs]) / reach
-    near = h > -4.0 * np.sqrt(len(target))  # a limit farther away than any d stops nothing
-    G, h = G[near], h[near]
+    h = np.concatenate([lows - at_target, at_target - highs]) / reach
+    in_reach = h > -4.0 * np.sqrt(len(target))  # a limit farther away than any d stops nothing
+    G, h = G[in_reach], h[in_reach]
     if (h <= 0).all():
         return target
     E = np.concatenate([G.T, h[None]])
@@ -205,34 +208,34 @@ def projected_sparse(target: Array, limits: LinearLimits) -> Array:
     d = np.clip(target, left, right)
     imposed = np.zeros(A.shape[0], dtype=bool)
     while True:
-        at, room = by_rows @ d, ROUNDING * (sizes @ (abs(d) + abs(target)))
-        violated = ((at < down - room) | (at > up + room)) & ~imposed
+        values, tolerance = by_rows @ d, ROUNDING_OF_ROWS * (sizes @ (abs(d) + abs(target)))
+        violated = ((values < down - tolerance) | (values > up + tolerance)) & ~imposed
         if not violated.any():
             return np.asarray(d)
         imposed |= violated
         chosen = np.flatnonzero(imposed)
-        some = csc_array(by_rows[chosen])
-        some.eliminate_zeros()  # which would tie rows together
-        read = np.flatnonzero(np.diff(some.indptr))
-        some = csc_array(some[:, read])
-        for columns in tied_columns(some.tocoo()):
-            part, own = csc_array(some[:, columns]), read[columns]
-            rows = np.unique(part.indices)
+        imposed_rows = csc_array(by_rows[chosen])
+        imposed_rows.eliminate_zeros()  # which would tie rows together
+        read = np.flatnonzero(np.diff(imposed_rows.indptr))
+        imposed_rows = csc_array(imposed_rows[:, read])
+        for columns in tied_columns(imposed_rows.tocoo()):
+            block, unknowns = csc_array(imposed_rows[:, columns]), read[columns]
+            rows = np.unique(block.indices)
             if not violated[chosen[rows]].any():
                 continue  # it was solved before
-            entries, at_rows = part.toarray()[rows], chosen[rows]
-            box = left[own], right[own]
-            found = projected_dense(
-                target[own], LinearLimits(*box, entries, down[at_rows], up[at_rows])
+            entries, at_rows = block.toarray()[rows], chosen[rows]
+            bounds = left[unknowns], right[unknowns]
+            nearest = projected_dense(
+                target[unknowns], LinearLimits(*bounds, entries, down[at_rows], up[at_rows])
             )
-            if not np.isfinite(found).all():
+            if not np.isfinite(nearest).all():
                 return np.full_like(target, np.inf)
-            d[own] = found
+            d[unknowns] = nearest
 
 
 Box = tuple[Array, Array]
-HARMLESS = 1e-3  # of a sigma: rounding that does no harm
-IMMATERIAL = 1e-6  # of an unknown's own size: the same
+HARMLESS_ERROR = 1e-3  # of a sigma: rounding errors up to here do no harm
+HARMLESS_SHARE = 1e-6  # of an unknown's own size: the same
 
 
 def optimality(
@@ -275,14 +278,14 @@ def optimality(
         d = projected(
             -here.gradient / scale, LinearLimits(*box, A, *here.constraints.allowed_changes)
         )
-    way = np.abs(d)
+    components = np.abs(d)
     if rounding is not None:
-        way = np.maximum(way - rounding_part(x, here, support, rounding), 0.0)
+        components = np.maximum(components - rounding_part(x, here, support, rounding), 0.0)
     sizes = np.maximum(support.norms(r), min(sqrt(r @ r), 1.0))
     lengths = _or_one(sizes)
-    if lengths is not sizes and ((way > 0) & (sizes == 0)).any():
+    if lengths is not sizes and ((components > 0) & (sizes == 0)).any():
         return np.inf  # a constraint is violated, and there is no residual
-    return float((way / lengths).max(initial=0.0))
+    return float((components / lengths).max(initial=0.0))
 
 
 def rounding_part(
@@ -310,7 +313,9 @@ def undetermined_by_rounding(
     It is harmless up to a thousandth of a sigma, or a millionth of x_i itself.
     """
     error, norms = _errors(here, support, rounding), here.column_norms
-    harmless = (error <= HARMLESS) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
+    harmless = (
+        (error <= HARMLESS_ERROR) | (error <= HARMLESS_SHARE * norms * np.abs(x)) | (norms == 0)
+    )
     return np.where(harmless, 0.0, error / np.where(norms > 0, norms, 1.0))
 
 

@@ -32,7 +32,7 @@ from workbench.problem.frames import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.naming import Bounds, check_units, flat_bounds, of_free
-from workbench.problem.optimality import FACTOR, Rounding, RowSupport, optimality
+from workbench.problem.optimality import ROUNDING_FACTOR, Rounding, RowSupport, optimality
 from workbench.problem.steps import EPS
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
@@ -72,7 +72,7 @@ class Problem(Symbolic):
         self.stages: dict[object, Problem] = {}  # made once by `in_stage`
         limits = self.constraints
         self.stacked_constraints = ConstraintSet(limits, *self._layouts) if limits else None
-        limited = tuple(one for one in self.residuals if one.domain is not None)
+        limited = tuple(r for r in self.residuals if r.domain is not None)
         self.domain = Domain(limited, *self._layouts) if limited else None
 
     def freeing(self, *names: str) -> "Problem":
@@ -87,17 +87,17 @@ class Problem(Symbolic):
     def without(self, *residuals: str) -> "Problem":
         """The problem without the named residuals; blocks that no other reads are not free."""
         self.rows_named(texts("the names of residuals", residuals))
-        left = [residual for residual in self.residuals if residual.name not in residuals]
-        reads = [r.reads for r in left] + [c.reads for c in self.constraints]
-        return self.variant(left, self.free.spelled(set(self.free.names).difference(*reads)))
+        others = [residual for residual in self.residuals if residual.name not in residuals]
+        reads = [r.reads for r in others] + [c.reads for c in self.constraints]
+        return self.variant(others, self.free.spelled(set(self.free.names).difference(*reads)))
 
     def frozen(self, values: Mapping[str, ArrayLike]) -> "Problem":
         """The same problem with contacts held as they are at these values; it has a graph.
 
         A problem in which nothing is chosen anew at every point is returned as it is.
         """
-        whole = self.values(*self.split(values))
-        held = [residual.frozen(whole) for residual in self.residuals]
+        arrays = self.values(*self.split(values))
+        held = [residual.frozen(arrays) for residual in self.residuals]
         return self if held == [*self.residuals] else self.variant(held, self.free.spelled())
 
     def variant(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":
@@ -137,11 +137,11 @@ class Problem(Symbolic):
 
     def rows_named(self, residuals: Iterable[str]) -> Mask:
         """The rows (m,) of the named residuals. Raises UnknownName for a name that none has."""
-        found = np.zeros(self.size, dtype=bool)
+        mask = np.zeros(self.size, dtype=bool)
         for name in residuals:
             check_known("residual", name, self.rows)
-            found[self.rows[name]] = True
-        return found
+            mask[self.rows[name]] = True
+        return mask
 
     @property
     def size(self) -> int:
@@ -172,8 +172,8 @@ class Problem(Symbolic):
     @cached_property
     def rotations(self) -> tuple[slice, ...]:
         """Where free rotation vectors of joints stand among the free numbers."""
-        found = {at.start: at for tree in self.trees for at in tree.turned(self.free).values()}
-        return tuple(found.values())
+        joints = (joint for tree in self.trees for joint in tree.turned(self.free).values())
+        return tuple({joint.start: joint for joint in joints}.values())
 
     @cached_property
     def bounded(self) -> bool:
@@ -228,8 +228,8 @@ class Problem(Symbolic):
         self, x: Array, fixed: Array, entries: Places | None = None
     ) -> CostGradients:
         """A function of z (M, k) to the costs (M,) and their gradients (M, k); see `costs`."""
-        one = partial(self.cost_and_gradient, fixed=fixed)
-        return cost_gradients(self._cost_graph, x, fixed, self._places(entries), one)
+        one_by_one = partial(self.cost_and_gradient, fixed=fixed)
+        return cost_gradients(self._cost_graph, x, fixed, self._places(entries), one_by_one)
 
     def _places(self, entries: Places | None) -> Places:
         return np.arange(self.free.size) if entries is None else entries.astype(np.int64)
@@ -244,8 +244,9 @@ class Problem(Symbolic):
 
     def linearize_at(self, x: Array, fixed: Array) -> Linearization:
         """Residual and Jacobian at a point; sparse where it is large and most of it is zero."""
-        constraints = there.linearize(x, fixed) if (there := self.stacked_constraints) else None
-        return Linearization(*self._chain.linearize(x, fixed), constraints)
+        limits = self.stacked_constraints
+        linearized = None if limits is None else limits.linearize(x, fixed)
+        return Linearization(*self._chain.linearize(x, fixed), linearized)
 
     def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
         """Residual and Jacobian at named values; every block that is read needs one."""
@@ -269,7 +270,7 @@ class Problem(Symbolic):
         numbers, fixed numbers, constants and points. These are at least `floor` sigmas.
         """
         sizes = floor + np.abs(residual) + self._chain.term_sizes(x, fixed)
-        return Rounding(FACTOR * EPS * sizes)
+        return Rounding(ROUNDING_FACTOR * EPS * sizes)
 
     @property
     def support(self) -> RowSupport:
@@ -294,7 +295,7 @@ class Problem(Symbolic):
         of_points = (b for p in points for b in p.source.blocks)
         described = (*of_points, *of_residuals, *self._named)  # the last one counts
         limited = [constraint.expression for constraint in self.constraints]
-        weightless = [one.written for one in self.residuals]  # read also where a weight is 0
+        weightless = [r.written for r in self.residuals]  # read also where a weight is 0
         stacked = cs.veccat(self._whitened, *limited, *weightless)
         return naming.blocks_behind(stacked, points, described)
 
@@ -316,18 +317,22 @@ class Problem(Symbolic):
 def in_stage(
     problem: "Problem", names: tuple[str, ...] | None, weights: Mapping[str, float]
 ) -> "Problem":
-    """The problem of a stage: `names` are free, or what is free now; `weights` says how many times
-    as often the rows of named residuals count. Made once, and kept for the next fit.
+    """The problem of a stage, which is made once and kept for the next fit.
+
+    `names` are free, or what is free now; `weights` says how many times as often the rows of named
+    residuals count.
 
     Raises what `Problem.freeing` raises, and UnknownName for a residual.
     """
     problem.rows_named(weights)
-    of = {name: float(weight) for name, weight in weights.items() if weight != 1}
-    key = names, tuple(sorted(of.items()))
-    if names is None and not of:
+    changed = {name: float(weight) for name, weight in weights.items() if weight != 1}
+    key = names, tuple(sorted(changed.items()))
+    if names is None and not changed:
         return problem
     if key not in problem.stages:
-        residuals = [r.weighed(of[r.name]) if r.name in of else r for r in problem.residuals]
+        residuals = [
+            r.weighed(changed[r.name]) if r.name in changed else r for r in problem.residuals
+        ]
         free = problem.free.spelled() if names is None else names
         problem.stages[key] = problem.variant(residuals, free)
     return problem.stages[key]

@@ -64,12 +64,15 @@ def sequence(
     once = {name: block for name, block in whole.blocks.blocks.items() if not block.framed}
     residuals = _gathered(
         problems,
-        lambda one: one.residuals,
+        lambda problem: problem.residuals,
         once,
         lambda parts: whole.residual({t: (part, problems[t].known) for t, part in parts.items()}),
     )
     constraints = _gathered(
-        problems, lambda one: one.constraints, once, lambda parts: _limited(whole, problems, parts)
+        problems,
+        lambda problem: problem.constraints,
+        once,
+        lambda parts: _stacked_constraint(whole, problems, parts),
     )
     if callable(between) or not isinstance(between, Iterable):
         raise BadArgument("what is between frames is a list of functions; put the one into a list")
@@ -79,13 +82,13 @@ def sequence(
                 "what is between frames is a function from Frames to a Residual, such as "
                 f"smooth('pose', sigma=0.1), not something of type {type(link).__name__}"
             )
-        found = link(whole)
-        if not isinstance(found, Residual):
+        residual = link(whole)
+        if not isinstance(residual, Residual):
             raise BadResidual(
                 "what is between frames makes a Residual of them, not something of type "
-                f"{type(found).__name__}"
+                f"{type(residual).__name__}"
             )
-        residuals.append(found)
+        residuals.append(residual)
     free, blocks = _free(problems, whole.blocks), tuple(whole.blocks.blocks.values())
     return Problem(residuals, free, _bounds(problems, whole.blocks), blocks, constraints)
 
@@ -131,19 +134,19 @@ def _gathered(
 
     Those that read only shared blocks, which are in `once`, are taken once.
     """
-    found: dict[str, dict[int, Part]] = {}
+    by_name: dict[str, dict[int, Part]] = {}
     for t, problem in enumerate(problems):
         for part in of(problem):
-            found.setdefault(part.name, {})[t] = part
+            by_name.setdefault(part.name, {})[t] = part
     gathered = []
-    for parts in found.values():
+    for parts in by_name.values():
         t, first = next(iter(parts.items()))
         same = len({id(part) for part in parts.values()}) == 1
         if not once.keys() >= set(first.reads):
             gathered.append(stack(parts))
         elif not same:  # every different one once
-            distinct = {id(part): t for t, part in reversed(parts.items())}
-            gathered.append(stack({t: parts[t] for t in sorted(distinct.values())}))
+            first_frames = {id(part): t for t, part in reversed(parts.items())}
+            gathered.append(stack({t: parts[t] for t in sorted(first_frames.values())}))
         elif all(cs.is_equal(problems[t].known[n].symbol, once[n].symbol) for n in first.reads):
             gathered.append(first)
         else:  # the frame has its own symbols for shared blocks
@@ -151,7 +154,7 @@ def _gathered(
     return gathered
 
 
-def _limited(
+def _stacked_constraint(
     whole: Frames, problems: Sequence[Problem], parts: dict[int, Constraint]
 ) -> Constraint:
     """The constraints of frames that have one name, as one, with the smallest tolerance.
@@ -160,13 +163,13 @@ def _limited(
     """
     columns = {t: (c.expression, problems[t].known, c.points) for t, c in parts.items()}
     expression, points = whole.stacked(columns)
-    order = min(parts)
-    first = parts[order]
-    for t, one in parts.items():
-        if one.unit != first.unit:
+    first_frame = min(parts)
+    first = parts[first_frame]
+    for t, part in parts.items():
+        if part.unit != first.unit:
             raise BadConstraint(
-                f"constraint {one.name!r} has the unit {one.unit} in frame {t} and {first.unit} "
-                f"in frame {order}; call it by another name there"
+                f"constraint {part.name!r} has the unit {part.unit} in frame {t} and {first.unit} "
+                f"in frame {first_frame}; call it by another name there"
             )
     lower, upper = zip(*(parts[t].limits for t in sorted(parts)), strict=True)
     return Constraint(
@@ -182,11 +185,11 @@ def _limited(
 
 def _free(problems: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
     """Names of the free entries in the sequence. Raises BadArgument where frames disagree."""
-    found: dict[str, tuple[int, tuple[int, ...]]] = {}
+    free_places: dict[str, tuple[int, tuple[int, ...]]] = {}  # and the first frame
     for t, problem in _distinct(problems):
         for name in problem.known:
             places = tuple(problem.free[name].places) if name in problem.free.names else ()
-            s, known = found.setdefault(name, (t, places))
+            s, known = free_places.setdefault(name, (t, places))
             if known != places:
                 raise BadArgument(
                     f"block {name!r} is not free in the same entries in frame {t} as in frame {s}; "
@@ -195,7 +198,7 @@ def _free(problems: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
     order = dict.fromkeys(n for _, problem in _distinct(problems) for n in problem.free.names)
     names = []
     for name in order:
-        block, (_, places) = blocks[name], found[name]
+        block, (_, places) = blocks[name], free_places[name]
         size = block.size // blocks.count if block.framed else block.size
         if len(places) == size:
             names.append(name)

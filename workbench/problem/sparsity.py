@@ -48,12 +48,12 @@ def entries_at(matrix: Array | csc_array, pattern: csc_array) -> Array:
         return np.asarray(matrix[pattern.indices, columns_of_nonzeros(pattern)])
     if matrix.nnz == pattern.nnz:
         return np.asarray(matrix.data)
-    places, there = (
-        columns_of_nonzeros(one) * matrix.shape[0] + one.indices for one in (matrix, pattern)
+    places, pattern_places = (
+        columns_of_nonzeros(each) * matrix.shape[0] + each.indices for each in (matrix, pattern)
     )
-    found = np.zeros(pattern.nnz)
-    found[np.searchsorted(there, places)] = matrix.data
-    return found
+    numbers = np.zeros(pattern.nnz)
+    numbers[np.searchsorted(pattern_places, places)] = matrix.data
+    return numbers
 
 
 class Pattern:
@@ -85,8 +85,8 @@ class Pattern:
         """The matrix with these entries, transposed, times r."""
         if self.diagonal is not None:
             return entries * r[self.diagonal]
-        found = np.bincount(self.columns, entries * r[self.rows], minlength=self.shape[1])
-        return np.asarray(found, dtype=float)  # counts, where there are no entries
+        product = np.bincount(self.columns, entries * r[self.rows], minlength=self.shape[1])
+        return np.asarray(product, dtype=float)  # counts, where there are no entries
 
     def matrix(self, entries: Array) -> csc_array:
         """The matrix with these entries."""
@@ -94,21 +94,21 @@ class Pattern:
 
     def times(self, entries: Array, other: csc_array) -> csc_array:
         """The matrix with these entries times another sparse one, rows rising in each column."""
-        at = self.diagonal
-        if at is None:
-            found = csc_array(self.matrix(entries) @ other)
+        diagonal = self.diagonal
+        if diagonal is None:
+            product = csc_array(self.matrix(entries) @ other)
         else:
-            numbers = entries[other.indices] * other.data
+            numbers, rows = entries[other.indices] * other.data, other.indices + diagonal.start
             shape = self.shape[0], other.shape[1]
-            found = csc_array((numbers, other.indices + at.start, other.indptr), shape=shape)
-        found.sort_indices()
-        return found
+            product = csc_array((numbers, rows, other.indptr), shape=shape)
+        product.sort_indices()
+        return product
 
     def reached(self, other: csc_array) -> csc_array:
         """Where the product `times` can be nonzero, whatever the entries of both are."""
         ones = np.ones(other.nnz)  # sums of which never cancel
-        there = csc_array((ones, other.indices, other.indptr), shape=other.shape)
-        return self.times(np.ones(len(self.rows)), there)
+        pattern = csc_array((ones, other.indices, other.indptr), shape=other.shape)
+        return self.times(np.ones(len(self.rows)), pattern)
 
 
 class DenseTerm(NamedTuple):
@@ -171,10 +171,10 @@ class ChangingTerm(NamedTuple):
         return csc_array((entries.data, entries.indices, starts), shape=(entries.shape[0], n))
 
 
-def gaps(taken: Sequence[slice], count: int) -> list[slice]:
+def gaps(covered: Sequence[slice], count: int) -> list[slice]:
     """The runs of `count` rows that are in none of some slices, which do not overlap."""
-    taken_edges = sorted((rows.start, rows.stop) for rows in taken)
-    edges = [0, *(edge for pair in taken_edges for edge in pair), count]
+    covered_edges = sorted((rows.start, rows.stop) for rows in covered)
+    edges = [0, *(edge for pair in covered_edges for edge in pair), count]
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
 
 
@@ -186,8 +186,8 @@ class SparseSum:
 
     def __init__(self, parts: Iterable[Places], shape: tuple[int, int]) -> None:
         self.shape = m, n = shape
-        each = [columns.ravel().astype(np.int64) * m + rows.ravel() for rows, columns in parts]
-        keys = np.concatenate([np.zeros(0, dtype=np.int64), *each])
+        flat = [columns.ravel().astype(np.int64) * m + rows.ravel() for rows, columns in parts]
+        keys = np.concatenate([np.zeros(0, dtype=np.int64), *flat])
         places = np.sort(keys)  # np.unique takes five times as long for millions
         places = places[np.diff(places, prepend=-1) > 0]
         columns, self._rows = np.divmod(places, m)
@@ -202,6 +202,6 @@ class SparseSum:
 
     def matrix(self, numbers: Sequence[Array]) -> csc_array:
         """The sum of the numbers of all parts, each in the order of its places."""
-        flat = np.concatenate([np.zeros(0), *(one.ravel() for one in numbers)])
-        found = sums(self._where, flat, len(self._rows))
-        return csc_array((found, self._rows, self._starts), shape=self.shape)
+        addends = np.concatenate([np.zeros(0), *(part.ravel() for part in numbers)])
+        total = sums(self._where, addends, len(self._rows))
+        return csc_array((total, self._rows, self._starts), shape=self.shape)

@@ -18,7 +18,7 @@ from scipy.sparse import bsr_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, lsmr, splu
 
 from workbench.arrays import Array, Mask
-from workbench.problem.banded import BandedFactor, BandedMatrix
+from workbench.problem.banded import SMALLEST_PIVOT, BandedFactor, BandedMatrix
 from workbench.problem.storage import Symmetric, crowded, dense, scaled_sparse, unblocked
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # SuperLU computes an LU factorization. In its symmetric mode, with pivots from the diagonal, it
 # orders columns by minimum degree and has the fill-in of Cholesky's factorization.
 SYMMETRIC = {"SymmetricMode": True}
-SMALLEST = 1e-8  # of a pivot, where the diagonal is one: below that half of the digits are lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,22 +35,21 @@ class SparseFactor:
 
     units: Array  # (n,) the square roots of A's diagonal
     border: Mask  # (n,) which unknowns come last; there are b of them
-    inner: SuperLU | None  # the factor of S; None where all unknowns are in the border
-    between: Array  # B (n - b, b)
-    answer: Array  # S^-1 B, (n - b, b)
+    inner: SuperLU | None  # the factor of S, A without the border; None where S is empty
+    solved: Array  # S^-1 B, (n - b, b), with B the border's columns in the rows of S
     corner: Array  # Cholesky's factor of the Schur complement, lower, (b, b)
 
     def solve(self, b: Array) -> Array:
         """The solution A^-1 b for b (n,) or (n, k)."""
         units = self.units if b.ndim == 1 else self.units[:, None]
         right = b / units
-        found = np.empty_like(right)
-        first = right[~self.border]
-        inside = first if self.inner is None else np.asarray(self.inner.solve(first))
-        rest = right[self.border] - self.answer.T @ first
-        last = scipy.linalg.cho_solve((self.corner, True), rest) if self.border.any() else rest
-        found[~self.border], found[self.border] = inside - self.answer @ last, last
-        return found / units
+        x = np.empty_like(right)
+        of_inner = right[~self.border]
+        first = of_inner if self.inner is None else np.asarray(self.inner.solve(of_inner))
+        rest = right[self.border] - self.solved.T @ of_inner
+        of_border = scipy.linalg.cho_solve((self.corner, True), rest) if self.border.any() else rest
+        x[~self.border], x[self.border] = first - self.solved @ of_border, of_border
+        return x / units
 
 
 def factorized(A: csc_array) -> SparseFactor | None:
@@ -67,11 +65,11 @@ def factorized(A: csc_array) -> SparseFactor | None:
         return None
     columns = csc_array(even[:, border])
     between, corner = dense(csc_array(columns[~border])), dense(csc_array(columns[border]))
-    answer = between if inner is None or not border.any() else np.asarray(inner.solve(between))
-    L, failed = scipy.linalg.lapack.dpotrf(corner - between.T @ answer, lower=True, clean=True)
-    if failed or np.diag(L).min(initial=1.0) ** 2 < SMALLEST:
+    solved = between if inner is None or not border.any() else np.asarray(inner.solve(between))
+    L, failed = scipy.linalg.lapack.dpotrf(corner - between.T @ solved, lower=True, clean=True)
+    if failed or np.diag(L).min(initial=1.0) ** 2 < SMALLEST_PIVOT:
         return None
-    return SparseFactor(units, border, inner, between, answer, np.asarray(L))
+    return SparseFactor(units, border, inner, solved, np.asarray(L))
 
 
 def _inner(even: csc_array, part: Mask) -> SuperLU | None:
@@ -83,14 +81,14 @@ def _inner(even: csc_array, part: Mask) -> SuperLU | None:
         factor = splu(S, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=SYMMETRIC)
     except RuntimeError:  # "Factor is exactly singular"
         return None
-    return factor if factor.U.diagonal().min() >= SMALLEST else None
+    return factor if factor.U.diagonal().min() >= SMALLEST_PIVOT else None
 
 
 EPS = float(np.finfo(float).eps)
 CHOLESKY_UP_TO = 1e4  # of the condition of the columns; its square is what Cholesky meets
 UNEVEN = 1e6  # times the shortest column: a longer one would hide it among its rounding errors
-DIGITS, PRODUCTS = 1e-12, 2000  # of LSMR: its tolerances, and products at most
-SLIGHT = 1e-7  # of the longest column's square, in the units of D
+LSMR_TOLERANCE, LSMR_PRODUCTS = 1e-12, 2000  # both of its tolerances; products at most
+SLIGHT_DAMPING = 1e-7  # of the longest column's square, in the units of D
 LEAST_DAMPED = 1e-5  # inverse condition, with its damping, of columns that are dependent
 
 
@@ -176,12 +174,13 @@ def krylov(here: "Linearization", damping: float, D: Array) -> Step:
     """The shortest step by products with J and J' alone, for a sparse J with dependent columns.
 
     See Fong and Saunders, LSMR: an iterative algorithm for sparse least-squares problems, 2011.
-    After `PRODUCTS` products, the result is the best step so far, along which the cost falls.
+    After `LSMR_PRODUCTS` products, the result is the best step so far, along which the cost falls.
     """
     if damping == 0:
         D = here.lengths if here.uneven else np.ones_like(D)
     A = scaled_sparse(here.jacobian, 1 / D)
-    p = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
+    tolerances = LSMR_TOLERANCE, LSMR_TOLERANCE
+    p = lsmr(A, -here.residual, np.sqrt(damping), *tolerances, conlim=0, maxiter=LSMR_PRODUCTS)[0]
     return Step(np.asarray(p) / D, "lsmr")
 
 
@@ -204,7 +203,7 @@ def sparing(here: "Linearization", damping: float, D: Array) -> Step:
     """
     step = cholesky(here, damping, D)
     if step is None and here.estimated:
-        least = SLIGHT * float(np.max(here.column_norms / D, initial=0.0)) ** 2
+        least = SLIGHT_DAMPING * float(np.max(here.column_norms / D, initial=0.0)) ** 2
         step = cholesky(here, max(damping, least), D)
     return automatic(here, damping, D) if step is None else step
 
@@ -268,18 +267,18 @@ class ConjugateGradients:
         x, residual = np.zeros_like(right), right[order]
         preconditioned = inverse(residual)
         direction, square = preconditioned, float(residual @ preconditioned)
-        enough = self.tolerance**2 * square
+        least = self.tolerance**2 * square
         for _ in range(self.products):
             curved = product(direction)
             curvature = float(direction @ curved)
-            if not (square > enough and curvature > 0):
+            if not (square > least and curvature > 0):
                 break
             length = square / curvature
             x[order] += length * direction
             residual = residual - length * curved
             preconditioned = inverse(residual)
-            square, before = float(residual @ preconditioned), square
-            direction = preconditioned + (square / before) * direction
+            square, previous = float(residual @ preconditioned), square
+            direction = preconditioned + (square / previous) * direction
         return x
 
 
@@ -288,15 +287,15 @@ _Linear = Callable[[Array], Array]
 
 def _bordered(A: csc_array, border: Mask, raised: Array, size: int) -> tuple[_Linear, _Linear]:
     """Products with A + diag(raised), and with its preconditioner, with the border first."""
-    b, rest = int(border.sum()), raised[~border]
+    b, raised_inner = int(border.sum()), raised[~border]
     inner = csc_array(A if not b else csc_array(A[:, ~border])[~border])
     S = bsr_array(csr_array(inner.T), blocksize=(size, size))  # .T is S, by rows
     n = S.shape[0] // size
     rows = np.repeat(np.arange(n), np.diff(S.indptr))
-    here = rows == S.indices
+    on_diagonal = rows == S.indices
     blocks = np.zeros((n, size, size))
-    blocks[rows[here]] = S.data[here]
-    blocks += np.eye(size) * rest.reshape(n, 1, size)
+    blocks[rows[on_diagonal]] = S.data[on_diagonal]
+    blocks += np.eye(size) * raised_inner.reshape(n, 1, size)
     inverse = bsr_array((_inverse(blocks), np.arange(n), np.arange(n + 1)), shape=S.shape)
     columns = csc_array(A[:, border])
     between, corner = dense(csc_array(columns[~border])), dense(csc_array(columns[border]))
@@ -306,9 +305,9 @@ def _bordered(A: csc_array, border: Mask, raised: Array, size: int) -> tuple[_Li
     def product(x: Array) -> Array:
         outer, others = x[:b], x[b:]
         if not b:
-            return np.asarray(S @ others + rest * others)
+            return np.asarray(S @ others + raised_inner * others)
         first = corner @ outer + others @ between
-        return np.concatenate([first, between @ outer + S @ others + rest * others])
+        return np.concatenate([first, between @ outer + S @ others + raised_inner * others])
 
     def preconditioned(x: Array) -> Array:
         return np.concatenate([inverse_of_corner @ x[:b], inverse @ x[b:]])

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.sparse import block_array, csc_array, csr_array, vstack
 
 from workbench.arrays import Array, Index, Mask
-from workbench.compiling import library_or_none, source_beside, vectors
+from workbench.compiling import aligned_zeros, library_or_none, source_beside, vectors
 from workbench.errors import TooLarge
 from workbench.problem.banded import BandedMatrix, BlockMatrix
 from workbench.problem.sparsity import columns_of_nonzeros, sums
@@ -32,9 +32,9 @@ Matrix: TypeAlias = Stored | BlockMatrix
 Symmetric: TypeAlias = Stored | BandedMatrix
 DENSE_FROM = 2**22  # entries, 32 MB: a smaller matrix is an array, whatever is in it
 SPARSE_UP_TO = 1 / 8  # nonzeros an entry: above that an array is smaller and much quicker
-WIDE = 4000  # columns of a sparse matrix whose n x n arrays still fit
-SMALL = 2**28  # bytes: not worth asking for
-GIGA = 1e9
+SQUARE_UP_TO = 4000  # columns of a sparse matrix whose n x n arrays still fit
+ALWAYS_FITS = 2**28  # bytes: not worth asking how much memory is free
+GB = 1e9
 INSTEAD = "free fewer blocks at a time, or divide the problem, as a long sequence into short ones"
 
 
@@ -97,8 +97,8 @@ def row_norms(matrix: Matrix) -> Array:
     """The length of every row, (m,)."""
     if isinstance(matrix, np.ndarray):
         return np.asarray(np.sqrt(np.einsum("ij,ij->i", matrix, matrix)))
-    found = by_nonzeros(matrix)
-    return np.sqrt(sums(found.indices, found.data**2, found.shape[0]))
+    stored = by_nonzeros(matrix)
+    return np.sqrt(sums(stored.indices, stored.data**2, stored.shape[0]))
 
 
 def absolute(matrix: Stored) -> Stored:
@@ -117,9 +117,9 @@ def scaled_sparse(matrix: Matrix, factors: Array) -> csc_array:
     """Every column times its factor (n,), by its nonzeros."""
     if isinstance(matrix, np.ndarray):
         return csc_array(matrix * factors)
-    found = by_nonzeros(matrix)
-    entries = found.data * np.repeat(factors, np.diff(found.indptr))
-    return csc_array((entries, found.indices, found.indptr), shape=found.shape)
+    stored = by_nonzeros(matrix)
+    numbers = stored.data * np.repeat(factors, np.diff(stored.indptr))
+    return csc_array((numbers, stored.indices, stored.indptr), shape=stored.shape)
 
 
 def stacked(matrix: Matrix, below: Array) -> Matrix:
@@ -131,10 +131,10 @@ def stacked(matrix: Matrix, below: Array) -> Matrix:
 
 def columns_of(matrix: Matrix, part: Index | Mask) -> Stored:
     """Some columns; as an array where they are few, or no longer sparse."""
-    some = (matrix.sparse if isinstance(matrix, BlockMatrix) else matrix)[:, part]
-    if isinstance(some, csc_array) and not is_sparse(*some.shape, some.nnz):
-        return np.asarray(some.toarray())
-    return some
+    chosen = (matrix.sparse if isinstance(matrix, BlockMatrix) else matrix)[:, part]
+    if isinstance(chosen, csc_array) and not is_sparse(*chosen.shape, chosen.nnz):
+        return np.asarray(chosen.toarray())
+    return chosen
 
 
 def where_not_finite(matrix: Matrix) -> list[tuple[int, int]]:
@@ -149,16 +149,16 @@ def where_not_finite(matrix: Matrix) -> list[tuple[int, int]]:
 def check_wide(matrix: Matrix) -> None:
     """Raise TooLarge where a sparse matrix has too many columns for arrays of n x n."""
     m, n = matrix.shape
-    if not isinstance(matrix, np.ndarray) and n > WIDE:
+    if not isinstance(matrix, np.ndarray) and n > SQUARE_UP_TO:
         raise TooLarge(
             f"the singular values of a sparse Jacobian of {m:,} x {n:,} need arrays of {n:,} x "
-            f"{n:,}; up to {WIDE:,} columns have them: free fewer blocks"
+            f"{n:,}; up to {SQUARE_UP_TO:,} columns have them: free fewer blocks"
         )
 
 
 def is_long(matrix: Matrix) -> bool:
     """Whether a matrix is that of a sequence of frames, too wide for arrays of n x n."""
-    return isinstance(matrix, BlockMatrix) and matrix.shape[1] > WIDE
+    return isinstance(matrix, BlockMatrix) and matrix.shape[1] > SQUARE_UP_TO
 
 
 def gram(matrix: Matrix) -> Symmetric:
@@ -173,22 +173,22 @@ def gram(matrix: Matrix) -> Symmetric:
 
 def gram_of_nonzeros(matrix: csc_array) -> csc_array:
     """A sparse matrix, transposed, times itself, (n, n)."""
-    full = crowded(matrix)
-    if not full.any():
-        found = csc_array(matrix.T @ matrix)
+    is_crowded = crowded(matrix)
+    if not is_crowded.any():
+        gram = csc_array(matrix.T @ matrix)
     else:  # products of columns without zeros are many times as fast by arrays
-        S, B = csc_array(matrix[:, ~full]), dense(csc_array(matrix[:, full]))
+        S, B = csc_array(matrix[:, ~is_crowded]), dense(csc_array(matrix[:, is_crowded]))
         between = S.T @ B
-        parts = [[S.T @ S, between], [between.T, B.T @ B]]
-        place = np.argsort(np.argsort(full, kind="stable"), kind="stable")
-        found = csc_array(csc_array(block_array(parts, format="csc"))[:, place])[place]
-    return csc_array(csr_array(found).T)  # itself, as it is symmetric; this is how rows are sorted
+        blocks = [[S.T @ S, between], [between.T, B.T @ B]]
+        position = np.argsort(np.argsort(is_crowded, kind="stable"), kind="stable")
+        gram = csc_array(csc_array(block_array(blocks, format="csc"))[:, position])[position]
+    return csc_array(csr_array(gram).T)  # itself, as it is symmetric; this is how rows are sorted
 
 
 def part(matrix: Symmetric, mask: Mask) -> Symmetric:
     """Some rows, and the same columns, of a symmetric matrix."""
-    some = matrix if isinstance(matrix, np.ndarray) else by_nonzeros(matrix)
-    return some[mask][:, mask]
+    stored = matrix if isinstance(matrix, np.ndarray) else by_nonzeros(matrix)
+    return stored[mask][:, mask]
 
 
 def crowded(matrix: csc_array) -> Mask:
@@ -203,23 +203,23 @@ def times(matrix: Matrix, other: Array) -> Matrix:
     return csc_array(by_nonzeros(matrix) @ csc_array(other))
 
 
-def distance(one: Matrix, a: float, other: Matrix, b: float) -> float:
+def distance(first: Matrix, a: float, second: Matrix, b: float) -> float:
     """Frobenius' norm of a times one matrix minus b times another of the same kind."""
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return float(np.linalg.norm(a * dense(one) - b * dense(other)))
-    return float(np.linalg.norm((a * by_nonzeros(one) - b * by_nonzeros(other)).data))
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
+        return float(np.linalg.norm(a * dense(first) - b * dense(second)))
+    return float(np.linalg.norm((a * by_nonzeros(first) - b * by_nonzeros(second)).data))
 
 
 def check_fits(rows: int, columns: int) -> None:
     """Raise TooLarge unless a dense Jacobian fits twice into the memory that is free."""
     size = 8 * rows * columns
-    if size <= SMALL:
+    if size <= ALWAYS_FITS:
         return
     free = free_memory()
     if free is not None and 2 * size > free:  # a factorization of it takes as much again
         raise TooLarge(
-            f"a dense Jacobian of {rows:,} x {columns:,} takes {size / GIGA:.3g} GB, and a step "
-            f"with it as much again; {free / GIGA:.2g} GB of memory are free; {INSTEAD}"
+            f"a dense Jacobian of {rows:,} x {columns:,} takes {size / GB:.3g} GB, and a step "
+            f"with it as much again; {free / GB:.2g} GB of memory are free; {INSTEAD}"
         )
 
 
@@ -236,22 +236,21 @@ def free_memory() -> int | None:
     with suppress(OSError, ValueError, ImportError):
         import resource
 
-        most = resource.getrlimit(resource.RLIMIT_AS)[0]
-        taken = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-        if most != resource.RLIM_INFINITY:
-            limits.append(max(0, most - taken))
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+        if limit != resource.RLIM_INFINITY:
+            limits.append(max(0, limit - used))
     with suppress(OSError, ValueError):
         group = Path("/sys/fs/cgroup")
-        most = int((group / "memory.max").read_text())  # "max" is no number: no limit
-        limits.append(max(0, most - int((group / "memory.current").read_text())))
+        limit = int((group / "memory.max").read_text())  # "max" is no number: no limit
+        limits.append(max(0, limit - int((group / "memory.current").read_text())))
     return min(limits, default=None)
 
 
-NAME = "normal-equations"
-MANY = 2e7  # multiplications, m n^2: below, BLAS is as fast as a call of anything else
-WIDEST = 200  # columns: beyond, their sums do not stay near the processor (measured)
-LINE = 64  # bytes of a cache line
-TRIED = 301, 13  # rows and columns that the library is tried on: two full blocks and a part
+LIBRARY = "normal-equations"
+COMPILED_FROM = 2e7  # multiplications, m n^2: of fewer, BLAS is as fast as a call of anything
+COMPILED_COLUMNS = 200  # at most: the sums of more do not stay near the processor (measured)
+TRIED_SHAPE = 301, 13  # of the matrix that the library is tried on: two full blocks and a part
 
 
 def normal_equations(J: object, r: Array) -> tuple[Array, Array] | None:
@@ -265,21 +264,23 @@ def normal_equations(J: object, r: Array) -> tuple[Array, Array] | None:
     m, n = J.shape
     if J.strides[0] != 8 or J.dtype != np.float64 or m != len(r) or not worthwhile(m, n):
         return None
-    way = compiled_gram()
-    return None if way is None else way.products(J, np.ascontiguousarray(r, dtype=np.float64))
+    compiled = compiled_gram()
+    if compiled is None:
+        return None
+    return compiled.products(J, np.ascontiguousarray(r, dtype=np.float64))
 
 
 def worthwhile(m: int, n: int) -> bool:
     """Whether a Jacobian (m, n) is large enough, and not too wide."""
-    return n <= WIDEST and m * n * n >= MANY
+    return n <= COMPILED_COLUMNS and m * n * n >= COMPILED_FROM
 
 
 @cache
 def compiled_gram() -> CompiledGram | None:
     """The compiled products, loaded once per process; None where there is no compiler."""
     source = "\n".join([vectors(), source_beside(__package__, "gram.c")])
-    loaded = library_or_none(NAME, source, _agrees, "normal equations are computed by BLAS")
-    return None if loaded is None else CompiledGram(loaded)
+    library = library_or_none(LIBRARY, source, _agrees, "normal equations are computed by BLAS")
+    return None if library is None else CompiledGram(library)
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,30 +296,29 @@ class CompiledGram:
         columns = np.empty(n + 1, dtype=np.intp)
         columns[:n] = J.ctypes.data + J.strides[1] * np.arange(n)
         columns[n] = r.ctypes.data
-        room = self._room(n + 1)
-        begin = room.ctypes.data + -room.ctypes.data % LINE
-        found = np.empty((n + 1, n + 1))
-        words = m, n + 1, columns.ctypes.data, begin, found.ctypes.data
+        buffer = self._buffer(n + 1)
+        products = np.empty((n + 1, n + 1))
+        words = m, n + 1, columns.ctypes.data, buffer.ctypes.data, products.ctypes.data
         self.library.gram(*map(ctypes.c_ssize_t, words))
-        self._buffers.append(room)
-        return found[:n, :n].copy(), found[:n, n].copy()
+        self._buffers.append(buffer)
+        return products[:n, :n].copy(), products[:n, n].copy()
 
-    def _room(self, n: int) -> Array:
+    def _buffer(self, n: int) -> Array:
         """Memory for sums and packed columns, from a run before if that was not for fewer."""
         self.library.room_for.restype = ctypes.c_ssize_t
-        size = self.library.room_for(ctypes.c_ssize_t(n)) + LINE // 8
+        size = self.library.room_for(ctypes.c_ssize_t(n))
         with suppress(IndexError):
-            room = self._buffers.pop()  # at once, whatever other threads do
-            if len(room) >= size:
-                return room
-        return np.empty(size)
+            buffer = self._buffers.pop()  # at once, whatever other threads do
+            if len(buffer) >= size:
+                return buffer
+        return aligned_zeros((size,), np.float64)
 
 
-def _agrees(loaded: ctypes.CDLL) -> bool:
+def _agrees(library: ctypes.CDLL) -> bool:
     """Whether the library says what BLAS says, about random columns that are zero in some rows."""
-    rng, (m, n) = np.random.default_rng(0), TRIED
+    rng, (m, n) = np.random.default_rng(0), TRIED_SHAPE
     J, r = rng.standard_normal((n, m)).T, rng.standard_normal(m)
     J[: m // 2, : n // 2] = 0.0
-    normal, gradient = CompiledGram(loaded).products(J, r)
+    normal, gradient = CompiledGram(library).products(J, r)
     close = np.allclose(normal, J.T @ J, rtol=0, atol=1e-12 * m)
     return close and np.allclose(gradient, J.T @ r, rtol=0, atol=1e-12 * m)

@@ -72,8 +72,8 @@ def damage(name: str = "") -> Iterator[None]:
 def refuse_what_is_no_file(path: Path) -> None:
     """Raise BadFile for a pipe, which might never send anything, a folder or an endless device."""
     with damage():
-        there, whole = path.exists(), path.is_file()
-    if there and not whole:
+        exists, is_file = path.exists(), path.is_file()
+    if exists and not is_file:
         raise BadFile("it is no file but a folder, a pipe or a device")
 
 
@@ -115,8 +115,8 @@ class Header:
         # A type of no bytes, as <U0, would let any number of elements pass.
         if min(self.shape, default=1) < 0 or self.dtype.subdtype:
             raise BadFile(f"has the shape {self.shape} of {self.dtype}, which it cannot have")
-        each = 1 if self.dtype.hasobject else max(1, self.dtype.itemsize)  # of a pickle at least
-        needed = self.start + self.count * each
+        least = 1 if self.dtype.hasobject else max(1, self.dtype.itemsize)  # a pickle's are unknown
+        needed = self.start + self.count * least
         if needed > size:
             raise BadFile(f"claims {self.shape} numbers, but is shorter")
         if needed < size and not self.dtype.hasobject:
@@ -180,8 +180,8 @@ MOST_BYTES = 2 * 2**30  # of all arrays in one file; licensed models reach a qua
 # larger, so a file of 2 MB could ask for 16 GB. Real arrays hardly shrink by more than a few times.
 FREE_BYTES = 2**29  # that the arrays of any file may take as float64
 MOST_PER_BYTE = 16  # further bytes that they may take for each byte of the file
-PIECE = 2**18  # bytes
-LONGEST_READ = 2**21  # bytes; a directory takes about 80 for each array
+PIECE_BYTES = 2**18  # bytes
+LONGEST_DIRECTORY = 2**21  # bytes; a directory takes about 80 for each array
 
 
 class Archive:
@@ -238,10 +238,10 @@ class Archive:
             self._fill(content, name)
         return content.tobytes()
 
-    def _check_memory(self, asked: int) -> None:
-        if asked > FREE_BYTES + MOST_PER_BYTE * self.size:
+    def _check_memory(self, taken: int) -> None:
+        if taken > FREE_BYTES + MOST_PER_BYTE * self.size:
             raise BadFile(
-                f"it has {self.size / 2**20:.1f} MB, but its arrays take {asked / 2**30:.1f} GB in "
+                f"it has {self.size / 2**20:.1f} MB, but its arrays take {taken / 2**30:.1f} GB in "
                 "memory, as those of no ordinary file do; if you trust it, load it with numpy and "
                 "save it with np.savez, which does not compress"
             )
@@ -257,19 +257,19 @@ class Archive:
 
     def _fill(self, content: NDArray[np.uint8], name: str) -> None:
         """The numbers, a few at a time, so that they are in memory once."""
-        at = 0
+        n_read = 0
         with self._archive.open(self._members[name]) as stream:
             stream.read(self.headers[name].start)
-            while at < len(content):
-                piece = np.frombuffer(stream.read(PIECE), np.uint8)
+            while n_read < len(content):
+                piece = np.frombuffer(stream.read(PIECE_BYTES), np.uint8)
                 if not len(piece):
                     raise EOFError("it ends before its numbers do")
-                content[at : at + len(piece)] = piece
-                at += len(piece)
+                content[n_read : n_read + len(piece)] = piece
+                n_read += len(piece)
 
 
 class _InPieces:
-    """A file that gives no more than `LONGEST_READ` bytes at once."""
+    """A file that gives no more than `LONGEST_DIRECTORY` bytes at once."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file, self.seek, self.tell = file, file.seek, file.tell
@@ -277,7 +277,7 @@ class _InPieces:
 
     def read(self, size: int = -1) -> bytes:
         """The next bytes; without a size zipfile asks for the last 64 kB alone."""
-        if size > LONGEST_READ:
+        if size > LONGEST_DIRECTORY:
             raise BadFile(
                 f"its directory of members takes {size / 2**20:.0f} MB, as no archive's does"
             )
@@ -306,7 +306,7 @@ def open_arrays(path: Path) -> Iterator[Archive]:
 
 @contextmanager
 def opened(path: str | Path, what: str, do: str) -> Iterator[Archive]:
-    """The same; what is wrong with the file becomes a sentence: `PATH is no WHAT (REASON); DO`."""
+    """As `open_arrays`, with errors that are sentences: `PATH is no WHAT (REASON); DO`."""
     with taken_for(path, what, do), open_arrays(Path(path)) as archive:
         yield archive
 
@@ -319,7 +319,7 @@ def shipped(name: str, what: str) -> Iterator[Archive]:
 
 
 Size = int | str
-LARGEST = 2**53  # beyond, whole numbers have no exact float64, and nothing is counted that far
+MOST_EXACT = 2**53  # beyond, whole numbers have no exact float64, and nothing is counted that far
 
 
 @dataclass(frozen=True)
@@ -371,21 +371,21 @@ def read_expected(archive: Archive, expected: Mapping[str, Expected]) -> dict[st
     headers = archive.headers
     if objects := [n for n in expected if n in headers and headers[n].dtype.hasobject]:
         raise BadFile(f"{listed(objects)} needs allow_pickle, which would run code of the file")
-    missing = [n for n, wanted in expected.items() if n not in headers and not wanted.optional]
+    missing = [n for n, one in expected.items() if n not in headers and not one.optional]
     if missing:
         raise BadFile(f"{listed(missing)} missing; it holds {listed(headers)}")
     sizes: dict[str, tuple[int, str]] = {}
-    there = {name: wanted for name, wanted in expected.items() if name in headers}
-    for name, wanted in there.items():
-        _compare(name, headers[name], wanted, sizes)
-    found = {}
-    for name, wanted in there.items():
+    present = {name: one for name, one in expected.items() if name in headers}
+    for name, one in present.items():
+        _compare(name, headers[name], one, sizes)
+    arrays = {}
+    for name, one in present.items():
         try:
-            found[name] = wanted.kind.read(archive.array(name))
+            arrays[name] = one.kind.read(archive.array(name))
         except BadFile as error:
             reason = str(error)
             raise BadFile(reason if reason.startswith(name) else f"{name} {reason}") from error
-    return found
+    return arrays
 
 
 def nothing_else(archive: Archive, expected: Iterable[str]) -> None:
@@ -402,39 +402,39 @@ def check_numbers(name: str, numbers: Index, end: int) -> None:
 
 
 def _compare(
-    name: str, header: Header, wanted: Expected, sizes: dict[str, tuple[int, str]]
+    name: str, header: Header, expected: Expected, sizes: dict[str, tuple[int, str]]
 ) -> None:
     """Raise BadFile unless a header says what is expected."""
     kind, shape = f"{header.dtype.kind}{header.dtype.itemsize}", header.shape
-    empty = wanted.kind is texts and kind == "f8" and not header.count  # as numpy writes []
-    if not empty and kind not in wanted.kind.types and kind[0] not in wanted.kind.types:
-        raise BadFile(f"{name} holds {header.dtype}, but must hold {wanted.kind.elements}")
-    known = [
-        f"{one} = {sizes[one][0]}, as in {sizes[one][1]}"
-        for one in dict.fromkeys(wanted.shape)
-        if isinstance(one, str) and one in sizes
+    empty = expected.kind is texts and kind == "f8" and not header.count  # as numpy writes []
+    if not empty and kind not in expected.kind.types and kind[0] not in expected.kind.types:
+        raise BadFile(f"{name} holds {header.dtype}, but must hold {expected.kind.elements}")
+    sizes_so_far = [
+        f"{letter} = {sizes[letter][0]}, as in {sizes[letter][1]}"
+        for letter in dict.fromkeys(expected.shape)
+        if isinstance(letter, str) and letter in sizes
     ]
-    fits = len(shape) == len(wanted.shape) and all(
-        size == (sizes.setdefault(one, (size, name))[0] if isinstance(one, str) else one)
-        for size, one in zip(shape, wanted.shape, strict=True)
+    fits = len(shape) == len(expected.shape) and all(
+        size == (sizes.setdefault(letter, (size, name))[0] if isinstance(letter, str) else letter)
+        for size, letter in zip(shape, expected.shape, strict=True)
     )
     if not fits:
         raise BadFile(
-            f"{name} has shape {shape}, but must be {str(wanted.shape).replace(chr(39), '')}"
-            f"{' with ' if known else ''}{' and '.join(known)}"
+            f"{name} has shape {shape}, but must be {str(expected.shape).replace(chr(39), '')}"
+            f"{' with ' if sizes_so_far else ''}{' and '.join(sizes_so_far)}"
         )
 
 
 def _finite(array: NDArray[Any]) -> Array:
     finite = np.isfinite(array)
     if not finite.all():
-        at = np.unravel_index(int(finite.argmin()), array.shape)
-        raise BadFile(f"is {array[at]} at {[int(i) for i in at]}, but must be finite")
+        index = np.unravel_index(int(finite.argmin()), array.shape)
+        raise BadFile(f"is {array[index]} at {[int(i) for i in index]}, but must be finite")
     return widened(array)
 
 
 def _counted(array: NDArray[Any]) -> Index:
-    if array.size and not -LARGEST <= int(array.min()) <= int(array.max()) <= LARGEST:
+    if array.size and not -MOST_EXACT <= int(array.min()) <= int(array.max()) <= MOST_EXACT:
         raise BadFile(f"holds numbers from {array.min()} to {array.max()}, which count nothing")
     return array.astype(np.int64)
 

@@ -31,7 +31,7 @@ MOST_BYTES = 2**30  # of a JSON file; the keypoints of COCO take a quarter of th
 # An empty list takes 3 bytes of JSON and 64 bytes of memory. Any JSON may hold a million lists and
 # objects, and one more for every 8 of its bytes, which real ones never reach.
 FREE_LISTS, BYTES_OF_LIST = 10**6, 8
-NOTHING = object()
+MISSING = object()
 
 
 def json_in(path: str | Path) -> Any:
@@ -48,8 +48,8 @@ def toml_in(path: Path) -> dict[str, Any]:
         text = bounded(path, MOST_TOML_BYTES).decode(
             "utf-8-sig"
         )  # editors on Windows begin with a mark
-        if found := DOTTED.search(text):
-            line = text.count("\n", 0, found.start()) + 1
+        if too_long := DOTTED.search(text):
+            line = text.count("\n", 0, too_long.start()) + 1
             raise BadFile(f"a key in line {line} has more than {MOST_PARTS} parts")
         return tomllib.loads(text)
     except (OSError, ValueError, RecursionError, BadFile) as error:  # too deep, or no UTF-8
@@ -75,26 +75,26 @@ def parsed(text: str | bytes | bytearray) -> Any:
     if lists > most:
         raise BadFile(f"it holds {lists:,} lists and objects, too many for its {len(text):,} bytes")
     try:
-        return json.loads(text, object_pairs_hook=_unequal)
+        return json.loads(text, object_pairs_hook=_object)
     except (ValueError, RecursionError, MemoryError) as error:  # also text that is not UTF-8
         raise BadFile(f"{type(error).__name__}: {cut(error)}") from error
 
 
-def _unequal(entries: list[tuple[str, Any]]) -> dict[str, Any]:
+def _object(entries: list[tuple[str, Any]]) -> dict[str, Any]:
     """An object of JSON. Raises BadFile if two of its entries have one name."""
-    found = dict(entries)
-    if len(found) < len(entries):
+    by_name = dict(entries)
+    if len(by_name) < len(entries):
         twice, _ = Counter(name for name, _ in entries).most_common(1)[0]
         raise BadFile(f"an object in it has two entries called {shown(twice)}")
-    return found
+    return by_name
 
 
 def facts_in(array: NDArray[Any]) -> "Facts":
     """The object that an array of one text holds."""
-    found = parsed(str(array))
-    if not isinstance(found, dict):
-        raise BadFile(f"its facts are {shown(found)}, not an object with names")
-    return Facts(found)
+    value = parsed(str(array))
+    if not isinstance(value, dict):
+        raise BadFile(f"its facts are {shown(value)}, not an object with names")
+    return Facts(value)
 
 
 @dataclass(frozen=True)
@@ -111,114 +111,114 @@ class Facts:
 
     def text(self, key: str) -> str:
         """An entry that is a text."""
-        return self._one(key, text)
+        return self._read(key, text)
 
     def number(self, key: str) -> float:
         """An entry that is a number, which may be NaN or infinite."""
-        return self._one(key, number)
+        return self._read(key, number)
 
     def amount(self, key: str) -> float:
         """A number that is not below zero, which may be NaN or infinite."""
-        return self._one(key, amount)
+        return self._read(key, amount)
 
     def duration(self, key: str) -> float:
         """An entry that is a time in seconds, a finite number from 0."""
-        return self._one(key, duration)
+        return self._read(key, duration)
 
     def whole(self, key: str) -> int:
         """An entry that is a whole number from 0."""
-        return self._one(key, whole)
+        return self._read(key, whole)
 
     def truth(self, key: str) -> bool:
         """An entry that is true or false."""
-        return self._one(key, truth)
+        return self._read(key, truth)
 
     def among(self, key: str, known: Iterable[str]) -> str:
         """One of the names that are known."""
-        given, names = self.text(key), tuple(known)
-        if given not in names:
-            raise BadFile(f"{self.where}{key} is {shown(given)}; there are {listed(names)}")
-        return given
+        name, names = self.text(key), tuple(known)
+        if name not in names:
+            raise BadFile(f"{self.where}{key} is {shown(name)}; there are {listed(names)}")
+        return name
 
     def several(self, key: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
         """A list whose entries are all of the kind `of`: text, number, whole, ..."""
-        return self._one(key, lambda given, name: several(given, name, of))
+        return self._read(key, lambda value, name: several(value, name, of))
 
     def named(self, key: str, of: Callable[[object, str], T]) -> dict[str, T]:
         """An object whose entries are all of the kind `of`."""
-        inner = self._one(key, facts)
-        return {name: of(given, f"{inner.where}{name}") for name, given in inner.entries.items()}
+        inner = self._read(key, facts)
+        return {name: of(value, f"{inner.where}{name}") for name, value in inner.entries.items()}
 
     def facts(self, key: str) -> "Facts":
         """An entry that is an object itself."""
-        return self._one(key, facts)
+        return self._read(key, facts)
 
     def nothing_else(self, *keys: str) -> None:
         """Raise BadFile if there are entries with other names."""
         if others := self.entries.keys() - set(keys):
             raise BadFile(f"{self.where}{listed(map(str, others))} is not known")
 
-    def _one(self, key: str, of: Callable[[object, str], T]) -> T:
-        given = self.entries.get(key, NOTHING)
-        if given is NOTHING:
+    def _read(self, key: str, of: Callable[[object, str], T]) -> T:
+        value = self.entries.get(key, MISSING)
+        if value is MISSING:
             raise BadFile(
                 f"{self.where}{key} is missing; there are {listed(map(str, self.entries))}"
             )
-        return of(given, f"{self.where}{key}")
+        return of(value, f"{self.where}{key}")
 
 
-def text(given: object, name: str) -> str:
+def text(value: object, name: str) -> str:
     """The given value if it is a text; raises BadFile otherwise, as the functions below do."""
-    return given if isinstance(given, str) else _refuse(given, name, "a text")
+    return value if isinstance(value, str) else _refuse(value, name, "a text")
 
 
-def number(given: object, name: str) -> float:
+def number(value: object, name: str) -> float:
     """A number, which may be NaN or infinite; true and false are no numbers."""
-    if isinstance(given, bool) or not isinstance(given, (int, float)):
-        _refuse(given, name, "a number")
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        _refuse(value, name, "a number")
     try:
-        return float(given)
+        return float(value)
     except OverflowError:  # of a whole number with over 308 digits
-        _refuse(given, name, "a number of float64")
+        _refuse(value, name, "a number of float64")
 
 
-def amount(given: object, name: str) -> float:
+def amount(value: object, name: str) -> float:
     """A number that is not below zero, which may be NaN or infinite."""
-    found = number(given, name)
-    return _refuse(given, name, "a number from 0") if found < 0 else found
+    size = number(value, name)
+    return _refuse(value, name, "a number from 0") if size < 0 else size
 
 
-def duration(given: object, name: str) -> float:
+def duration(value: object, name: str) -> float:
     """The given value if it is a time in seconds, a finite number from 0."""
-    found = amount(given, name)
-    return found if isfinite(found) else _refuse(given, name, "a time in seconds")
+    seconds = amount(value, name)
+    return seconds if isfinite(seconds) else _refuse(value, name, "a time in seconds")
 
 
-def whole(given: object, name: str) -> int:
+def whole(value: object, name: str) -> int:
     """The given value if it is a whole number from 0."""
-    if isinstance(given, bool) or not isinstance(given, int) or not 0 <= given < 2**63:
-        _refuse(given, name, "a whole number from 0")
-    return given
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**63:
+        _refuse(value, name, "a whole number from 0")
+    return value
 
 
-def truth(given: object, name: str) -> bool:
+def truth(value: object, name: str) -> bool:
     """The given value if it is true or false."""
-    return given if isinstance(given, bool) else _refuse(given, name, "true or false")
+    return value if isinstance(value, bool) else _refuse(value, name, "true or false")
 
 
-def facts(given: object, name: str) -> Facts:
+def facts(value: object, name: str) -> Facts:
     """The given value if it is an object."""
-    if not isinstance(given, dict):
-        _refuse(given, name, "an object with names")
-    return Facts(given, f"{name}: ")
+    if not isinstance(value, dict):
+        _refuse(value, name, "an object with names")
+    return Facts(value, f"{name}: ")
 
 
-def several(given: object, name: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
+def several(value: object, name: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
     """The given value if it is a list whose entries are all of one kind."""
-    if not isinstance(given, (list, tuple)):
-        _refuse(given, name, "a list")
-    return tuple(of(one, f"{name}[{k}]") for k, one in enumerate(given))
+    if not isinstance(value, (list, tuple)):
+        _refuse(value, name, "a list")
+    return tuple(of(entry, f"{name}[{k}]") for k, entry in enumerate(value))
 
 
-def _refuse(given: object, name: str, wanted: str) -> NoReturn:
-    raise BadFile(f"{name} is {shown(given)}, not {wanted}")
+def _refuse(value: object, name: str, expected: str) -> NoReturn:
+    raise BadFile(f"{name} is {shown(value)}, not {expected}")

@@ -23,13 +23,7 @@ from workbench.registration.icp_steps import (
     point_to_plane,
     point_to_point,
 )
-from workbench.registration.model_fit import (
-    SEEN_STAGES,
-    FitProgress,
-    FitStage,
-    ModelFit,
-    fit_model,
-)
+from workbench.registration.model_fit import SEEN_STAGES, FitProgress, FitStage, ModelFit, fit_model
 from workbench.registration.recipe import (
     HAND_RECIPE,
     PERSON_RECIPE,

@@ -61,17 +61,17 @@ def support(fit: ModelFit, *, near: float = NEAR) -> Support:
     vertices = fit.vertices()
     faces, scan = fit.body.faces, fit.scan
     tree = SurfaceTree(vertices, faces)
-    at = tree.closest(scan.points, 10 * fit.reach, scan.normals, FACING)
-    distances = np.where(at.faces >= 0, at.distances, np.inf)
+    nearest = tree.closest(scan.points, 10 * fit.reach, scan.normals, FACING)
+    distances = np.where(nearest.faces >= 0, nearest.distances, np.inf)
     touching = np.abs(distances) < fit.reach
-    contacts = np.bincount(faces[at.faces[touching]].ravel(), minlength=len(vertices))
+    contacts = np.bincount(faces[nearest.faces[touching]].ravel(), minlength=len(vertices))
     seen: Mask = contacts > 0
     if touching.any():
         seen = seen & (np.asarray(cKDTree(scan.points[touching]).query(vertices)[0]) < near)
-    return Support(distances, touching, contacts, seen, _spread(fit))
+    return Support(distances, touching, contacts, seen, _vertex_sd(fit))
 
 
-def _spread(fit: ModelFit) -> Array:
+def _vertex_sd(fit: ModelFit) -> Array:
     """(N,) m, the posterior standard deviation of each vertex."""
     arithmetic = fit.body.points(*(block.symbol for block in fit.body.blocks())).source.numeric
     assert arithmetic is not None  # of every body
@@ -79,13 +79,13 @@ def _spread(fit: ModelFit) -> Array:
     into = {block.name: np.zeros((block.size, 3 * fit.body.n_vertices)) for block in blocks}
     arithmetic.evaluate(fit.values).write_jacobian(into, None)
     J = np.concatenate([into[block.name] for block in blocks])  # (n, 3 N), transposed
-    found = fit.problem.linearize(fit.values).inverse_times(J)
-    if found is None or not np.isfinite(found).all():
+    solved = fit.problem.linearize(fit.values).inverse_times(J)
+    if solved is None or not np.isfinite(solved).all():
         raise NotFinite(
             "the scan and the priors leave a direction of the body open, so that its vertices "
             "have no posterior; give priors on pose and betas"
         )
-    return np.asarray(np.sqrt(np.sum(J * found, axis=0).reshape(-1, 3).sum(axis=1)))
+    return np.asarray(np.sqrt(np.sum(J * solved, axis=0).reshape(-1, 3).sum(axis=1)))
 
 
 @dataclass(frozen=True)
@@ -107,18 +107,18 @@ class Doubts:
     unusual: float = 0.9
 
 
-TIE = 0.05  # of the cost: two hypotheses that differ by less tie
-TURNED = np.pi / 3  # rad: the angle from which on two hypotheses face different ways
-STRAY = 0.4  # of the points may be without contact
-BEFORE = 0.015  # of the vertices may be in space that the camera saw to be empty
-MOST_OFF = 0.008  # of the scan's points may form one cluster off the surface
-CLEAR = 0.03  # m: a vertex that stands as far in empty space would have been seen
-OFF = 2 / 3  # of the reach of the fit: a point as far from the surface does not belong to it
-HALF = 0.5  # of the vertices: where fewer were seen, the prior decides much of the pose
-NEIGHBOUR = 4  # the number of the neighbour whose distance says how dense the points of a scan are
-LINK = 2.0  # times that distance: points that are nearer hang together
-MOST = 5_000  # points of a scan that are looked at for that
-MAD = 1.4826  # times the median of absolute values is the standard deviation of a Gaussian
+TIE_SHARE = 0.05  # of the cost: two hypotheses that differ by less tie
+TURNED_ANGLE = np.pi / 3  # rad: the angle from which on two hypotheses face different ways
+MOST_STRAY = 0.4  # of the points may be without contact
+MOST_BEFORE = 0.015  # of the vertices may be in space that the camera saw to be empty
+MOST_OFF = 0.008  # of the scan's points and of its area may form one cluster off the surface
+CLEARANCE = 0.03  # m: a vertex that stands as far in empty space would have been seen
+OFF_SURFACE = 2 / 3  # of the reach of the fit: a point farther away does not belong to the surface
+MOST_SEEN = 0.5  # of the vertices: where fewer were seen, the prior decides much of the pose
+NTH_NEIGHBOUR = 4  # whose distance says how dense the points of a scan are
+LINK_FACTOR = 2.0  # times that distance: points that are nearer hang together
+MOST_POINTS = 5_000  # points of a scan that are looked at for that
+MAD_TO_SD = 1.4826  # times the median of absolute values is the standard deviation of a Gaussian
 
 
 def doubts(
@@ -134,33 +134,33 @@ def doubts(
     whole scan was taken from, if it was taken from one place.
     """
     known = support(fit) if found is None else found
-    here = [*_ties(fit, limits), *_data(known, limits), *_missed(fit, known)]
-    here += [*_hidden(fit, known, limits), *_unusual(fit, known, limits)]
+    sentences = [*_ties(fit, limits), *_data(known, limits), *_missed(fit, known)]
+    sentences += [*_hidden(fit, known, limits), *_unusual(fit, known, limits)]
     if camera is not None:
-        here += _before(fit, np.asarray(camera, dtype=float))
+        sentences += _before(fit, np.asarray(camera, dtype=float))
     if fit.stopped:
-        here.append(f"the fit did not end by itself: {fit.stopped}")
-    return (*here, *of_person(fit.body, fit.values[fit.body.blocks()[1].name]))
+        sentences.append(f"the fit did not end by itself: {fit.stopped}")
+    return (*sentences, *of_person(fit.body, fit.values[fit.body.blocks()[1].name]))
 
 
 def _ties(fit: ModelFit, limits: Doubts) -> Iterator[str]:
     best, forward = fit.vertices(), _facing(fit, 0)
     for k, other in enumerate(fit.hypotheses[1:], start=1):
-        gap = (other.cost - fit.cost) / fit.cost
-        off = float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean())
-        if gap > TIE or off < limits.apart:
+        excess = (other.cost - fit.cost) / fit.cost
+        distance = float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean())
+        if excess > TIE_SHARE or distance < limits.apart:
             continue
         angle = float(np.arccos(np.clip(forward @ _facing(fit, k), -1, 1)))
-        if angle > TURNED:
+        if angle > TURNED_ANGLE:
             yield (
                 f"which way the body faces is not decided: turned by {np.degrees(angle):.0f} "
-                f"degrees it costs {100 * gap:.1f} % more; look at the picture, and give --camera "
-                "if the scan was taken from one place"
+                f"degrees it costs {100 * excess:.1f} % more; look at the picture, and give "
+                "--camera if the scan was taken from one place"
             )
         else:
             yield (
-                f"another pose, {1e3 * off:.0f} mm away in the mean over the vertices, costs "
-                f"{100 * gap:.1f} % more; look at both"
+                f"another pose, {1e3 * distance:.0f} mm away in the mean over the vertices, costs "
+                f"{100 * excess:.1f} % more; look at both"
             )
 
 
@@ -172,13 +172,13 @@ def _facing(fit: ModelFit, k: int) -> Array:
 
 def _data(known: Support, limits: Doubts) -> Iterator[str]:
     stray = 1 - float(known.touching.mean())
-    if stray > STRAY:
+    if stray > MOST_STRAY:
         yield (
             f"{100 * stray:.0f} % of the points of the scan touch no surface; check its unit, "
             "which axis is up, and that it is of one person alone"
         )
     if known.touching.any():
-        rough = MAD * float(np.median(np.abs(known.distances[known.touching])))
+        rough = MAD_TO_SD * float(np.median(np.abs(known.distances[known.touching])))
         if rough > limits.rough:
             yield (
                 f"points that touch the surface are {1e3 * rough:.0f} mm off it (robust sd); the "
@@ -201,7 +201,7 @@ def _hidden(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
 
 def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
     """A body that was put into the scan the wrong way is bent as people seldom are."""
-    if known.seen.mean() > HALF or np.isinf(limits.unusual):
+    if known.seen.mean() > MOST_SEEN or np.isinf(limits.unusual):
         return
     square = pose_square(fit.body, fit.values[fit.body.blocks()[0].name])
     if square > limits.unusual:
@@ -212,20 +212,27 @@ def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
 
 
 def _missed(fit: ModelFit, known: Support) -> Iterator[str]:
-    """A limb that was not found leaves many points side by side; most clutter is loose."""
+    """A limb that was not found leaves many points side by side; most clutter is loose.
+
+    They have to be a share of the scan's area too: the fingers of a mesh are many vertices.
+    """
     points = fit.scan.points
-    away = (np.abs(known.distances) > OFF * fit.reach) & ~loose_points(fit.scan)
-    some = np.random.default_rng(0).permutation(len(points))[:MOST]
-    tree, left = cKDTree(points[some]), points[some][away[some]]
-    if not len(left) or len(some) <= NEIGHBOUR:
+    areas = np.ones(len(points)) if fit.scan.weights is None else fit.scan.weights
+    away = (np.abs(known.distances) > OFF_SURFACE * fit.reach) & ~loose_points(fit.scan)
+    rows = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
+    tree, off_surface = cKDTree(points[rows]), points[rows][away[rows]]
+    if not len(off_surface) or len(rows) <= NTH_NEIGHBOUR:
         return
-    spacing = float(np.median(tree.query(points[some], k=[NEIGHBOUR + 1])[0]))
-    pairs = cKDTree(left).query_pairs(LINK * spacing, output_type="ndarray")
-    linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(left), len(left)))
-    most = int(np.bincount(connected_components(linked)[1]).max())
-    if most > MOST_OFF * len(some):
+    spacing = float(np.median(tree.query(points[rows], k=[NTH_NEIGHBOUR + 1])[0]))
+    pairs = cKDTree(off_surface).query_pairs(LINK_FACTOR * spacing, output_type="ndarray")
+    linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(off_surface), len(off_surface)))
+    cluster = connected_components(linked)[1]
+    counts, sums = np.bincount(cluster), np.bincount(cluster, areas[rows][away[rows]])
+    large = (counts > MOST_OFF * len(rows)) & (sums > MOST_OFF * areas[rows].sum())
+    if large.any():
+        share = counts[large].max() / len(rows)
         yield (
-            f"{100 * most / len(some):.0f} % of the points lie side by side and off the surface: "
+            f"{100 * share:.0f} % of the points lie side by side and off the surface: "
             "a part of the body that was not found, or another thing"
         )
 
@@ -233,8 +240,8 @@ def _missed(fit: ModelFit, known: Support) -> Iterator[str]:
 def _before(fit: ModelFit, camera: Array) -> Iterator[str]:
     within = np.inf if shows_all(fit.body, fit.scan) else BESIDE
     off = Shadow.of(fit.scan.points, camera, within=within).distances(fit.vertices()).numbers
-    share = float(np.mean(off > CLEAR))
-    if share > BEFORE:
+    share = float(np.mean(off > CLEARANCE))
+    if share > MOST_BEFORE:
         yield (
             f"{100 * share:.0f} % of the vertices stand where the camera would have seen them, "
             "in front of the scan or beside it"

@@ -30,7 +30,7 @@ from workbench.residuals import (
 from workbench.residuals.contacts import MovingContacts
 from workbench.solvers import Iterate, Solution, Solver, TrustRegion
 
-PATCH = 1e-3  # m^2 of a scan that count as one observation
+PATCH_AREA = 1e-3  # m^2 of a scan that count as one observation
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class ScanTerm:
     outlier: float = 0.03
     within: float = 0.1
     facing: float = 0.5
-    patch: float = PATCH
+    patch: float = PATCH_AREA
     form: Form = distance
 
     def __post_init__(self) -> None:
@@ -97,12 +97,12 @@ def touched(scan_residual: Residual, values: Mapping[str, Array], outlier: float
             f"residual {scan_residual.name!r} chooses no contacts; give one made by scan_to_model"
         )
     contacts = source.contacts(values)
-    near = contacts.found & (np.linalg.norm(contacts.numbers, axis=1) <= outlier)
+    near = contacts.in_contact & (np.linalg.norm(contacts.numbers, axis=1) <= outlier)
     rows = np.repeat(near, contacts.numbers.shape[1])[rows_of_nonzeros(contacts.jacobian)]
     columns = contacts.jacobian.indices[rows & (contacts.jacobian.data != 0)]
-    found = np.zeros(contacts.jacobian.shape[1] // 3, dtype=bool)
-    found[columns // 3] = True
-    return found
+    is_touched = np.zeros(contacts.jacobian.shape[1] // 3, dtype=bool)
+    is_touched[columns // 3] = True
+    return is_touched
 
 
 Coupling = Callable[[cs.MX, Points, Index, float], Residual]
@@ -130,15 +130,15 @@ def by_vertices(free: cs.MX, model: Points, faces: Index, sigma: float) -> Resid
     return vertices(model, free, sigma=sigma, name="coupling")
 
 
-NEAR = ScanTerm(outlier=0.01, within=0.05, facing=0.8)
-CLOSE = ScanTerm(outlier=0.006, within=0.05, facing=0.5)
-BODY = ("pose", "betas", "trans")
+NEAR_TERM = ScanTerm(outlier=0.01, within=0.05, facing=0.8)
+CLOSE_TERM = ScanTerm(outlier=0.006, within=0.05, facing=0.5)
+BLOCKS = ("pose", "betas", "trans")
 VERTICES = "vertices"
-OF_MODEL = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
-OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients())
-TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=3e-2))
-SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
-MOST = 30  # steps of a stage that ends so
+MODEL_SOLVER = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
+VERTEX_SOLVER = TrustRegion(linear_algebra=ConjugateGradients())
+JOINT_SOLVER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=3e-2))
+SETTLED_SHARE = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
+MOST_STEPS = 30  # steps of a stage that ends so
 
 
 @dataclass(frozen=True)
@@ -166,9 +166,9 @@ class VertexStage:
     name: str
     free: tuple[str, ...]
     coupling: float
-    term: ScanTerm = NEAR
-    solver: Solver = OF_VERTICES
-    settled: float = SETTLED
+    term: ScanTerm = NEAR_TERM
+    solver: Solver = VERTEX_SOLVER
+    settled: float = SETTLED_SHARE
     prior_scale: float = 1.0
 
     def __post_init__(self) -> None:
@@ -189,7 +189,7 @@ class Settled:
 
     share: float
     before: float = np.inf
-    left: int = MOST
+    left: int = MOST_STEPS
 
     def __call__(self, iterate: Iterate) -> bool:
         """Whether the run is to stop after this iterate."""
@@ -199,13 +199,13 @@ class Settled:
 
 
 MODEL_STAGES = (
-    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
-    VertexStage("model, near", BODY, 0.0, NEAR, OF_MODEL),
+    VertexStage("model", BLOCKS, 0.0, ScanTerm(), MODEL_SOLVER, 0.0),
+    VertexStage("model, near", BLOCKS, 0.0, NEAR_TERM, MODEL_SOLVER),
 )
 VERTEX_STAGES = (
     *MODEL_STAGES,
-    VertexStage("free", (*BODY, VERTICES), 0.01, CLOSE, TOGETHER),
-    VertexStage("relaxed", (*BODY, VERTICES), 0.01, CLOSE, TOGETHER, prior_scale=30.0),
+    VertexStage("free", (*BLOCKS, VERTICES), 0.01, CLOSE_TERM, JOINT_SOLVER),
+    VertexStage("relaxed", (*BLOCKS, VERTICES), 0.01, CLOSE_TERM, JOINT_SOLVER, prior_scale=30.0),
 )
 """Infinite coupling, then a weak one; the model goes on following the vertices, at last almost
 without priors, which have led it there and would hold it back from a rare pose."""
@@ -281,7 +281,7 @@ class FreeVertices:
             return Problem((self._scan(model, stage.term), *priors), stage.free)
         block = Block(VERTICES, (self.body.n_vertices, 3), "m")
         coupling = self.couple(block.symbol, model, self.body.faces, stage.coupling)
-        read = priors if set(BODY) & set(stage.free) else ()  # constants otherwise
+        read = priors if set(BLOCKS) & set(stage.free) else ()  # constants otherwise
         return Problem(
             (self._scan(block.symbol, stage.term), coupling, *read), stage.free, blocks=(block,)
         )
@@ -297,23 +297,23 @@ class FreeVertices:
         """
         if not stages:
             raise BadArgument("a registration has one stage or more; give a tuple of stages")
-        values = {name: np.asarray(start[name], dtype=float) for name in BODY}
+        values = {name: np.asarray(start[name], dtype=float) for name in BLOCKS}
         values[VERTICES] = np.asarray(start.get(VERTICES, self._model(values)), dtype=float)
-        done: list[StageResult] = []
+        results: list[StageResult] = []
         for stage in stages:
             until = Settled(stage.settled) if stage.settled > 0 else None
             solution = stage.solver.solve(self.problem(stage), values, callback=until)
             values |= solution.values
             if stage.coupling == 0:
                 values[VERTICES] = self._model(values)
-            done.append(StageResult(stage, solution, values[VERTICES]))
+            results.append(StageResult(stage, solution, values[VERTICES]))
         symbol = Block(VERTICES, (self.body.n_vertices, 3), "m").symbol
         seen = touched(self._scan(symbol, stages[-1].term), values, stages[-1].term.outlier)
-        return Registered(values, self._model(values), seen, tuple(done))
+        return Registered(values, self._model(values), seen, tuple(results))
 
     def _scan(self, points: Points | cs.MX, term: ScanTerm) -> Residual:
         whole = area(self.body.template, self.body.faces)
         return term.residual(points, self.body.faces, self.scan, whole)
 
     def _model(self, values: Mapping[str, Array]) -> Array:
-        return np.asarray(self.body.vertices(*(values[name] for name in BODY)))
+        return np.asarray(self.body.vertices(*(values[name] for name in BLOCKS)))

@@ -30,12 +30,12 @@ from workbench.registration.icp_steps import (
 MOST_TRIED = 16  # nearest points of a cloud among which one that faces the right way is looked for
 
 
-def _vectors(name: str, given: ArrayLike, count: int | None = None) -> Array:
+def _vectors(name: str, vectors: ArrayLike, count: int | None = None) -> Array:
     """Finite vectors (M, 3); of so many points, if the count is known. Raises BadArgument."""
-    numbers = np.asarray(given, dtype=float)
+    numbers = np.asarray(vectors, dtype=float)
     if numbers.shape != (count or len(np.atleast_1d(numbers)), 3) or not numbers.size:
-        wanted = "M, 3), with M at least 1" if count is None else f"{count}, 3), one for each point"
-        raise BadArgument(f"{name} must be an array ({wanted}, not {numbers.shape}")
+        shape = "M, 3), with M at least 1" if count is None else f"{count}, 3), one for each point"
+        raise BadArgument(f"{name} must be an array ({shape}, not {numbers.shape}")
     if not np.isfinite(numbers).all():
         raise BadArgument(f"{name} must be finite; leave out what was not measured")
     return numbers
@@ -80,22 +80,22 @@ class PointCloud:
         """
         compared = normals is not None and self.normals is not None
         count = min(MOST_TRIED, len(self.points)) if compared else 1
-        asked = self._tree.query(points, k=[*range(1, count + 1)], distance_upper_bound=within)
-        distances, numbers = np.asarray(asked[0]), np.asarray(asked[1])  # (M, count) both
-        near = np.isfinite(distances)
-        numbers = np.where(near, numbers, 0)
+        neighbours = self._tree.query(points, k=[*range(1, count + 1)], distance_upper_bound=within)
+        distances, numbers = np.asarray(neighbours[0]), np.asarray(neighbours[1])  # (M, count) both
+        candidate = np.isfinite(distances)
+        numbers = np.where(candidate, numbers, 0)
         if normals is not None and self.normals is not None:
-            near &= np.einsum("mi,mki->mk", normals, self.normals[numbers]) >= facing
-        rows, first = np.arange(len(points)), near.argmax(axis=1)
-        found, chosen = near[rows, first], numbers[rows, first]
-        own = np.zeros_like(self.points) if self.normals is None else self.normals
-        there = found[:, None]
+            candidate &= np.einsum("mi,mki->mk", normals, self.normals[numbers]) >= facing
+        rows, first = np.arange(len(points)), candidate.argmax(axis=1)
+        has_contact, chosen = candidate[rows, first], numbers[rows, first]
+        normals_there = np.zeros_like(self.points) if self.normals is None else self.normals
+        mask = has_contact[:, None]
         return ClosestPoints(
-            faces=np.where(found, chosen, -1),
-            shares=there * np.array([1.0, 0.0, 0.0]),
-            points=np.where(there, self.points[chosen], points),
-            distances=np.where(found, distances[rows, first], within),
-            normals=np.where(there, own[chosen], 0.0),
+            faces=np.where(has_contact, chosen, -1),
+            shares=mask * np.array([1.0, 0.0, 0.0]),
+            points=np.where(mask, self.points[chosen], points),
+            distances=np.where(has_contact, distances[rows, first], within),
+            normals=np.where(mask, normals_there[chosen], 0.0),
         )
 
 
@@ -249,35 +249,36 @@ class Icp:
             if callback:
                 callback(trace[-1])
 
-        here = _Place(self, source, target, start)
-        keep(here, 0.0)
+        place = _Place(self, source, target, start)
+        keep(place, 0.0)
         stopped = Stopped.OUT_OF_ITERATIONS
         for _ in range(self.max_iterations):
-            if not here.contact.any():
+            if not place.contact.any():
                 stopped = Stopped.NO_CONTACT
                 break
-            there = self._next(here)
-            if there is None:
+            following = self._next(place)
+            if following is None:
                 stopped = Stopped.NO_LOWER
                 break
-            moved, here = here.to(there), there
-            keep(here, moved)
-            if moved <= self.tolerance:
+            distance, place = place.distance_to(following), following
+            keep(place, distance)
+            if distance <= self.tolerance:
                 stopped = Stopped.SETTLED
                 break
-        return Alignment(here.motion, stopped, tuple(trace))
+        return Alignment(place.motion, stopped, tuple(trace))
 
-    def _next(self, here: "_Place") -> "_Place | None":
+    def _next(self, place: "_Place") -> "_Place | None":
         """The place after one step, or None if the cost falls along no part of it."""
-        motion = self.step(here.contacts())
-        there = here.at(motion)
-        if not self.halvings or there.cost <= here.cost or here.to(there) <= self.tolerance:
-            return there
-        centre = here.points.mean(axis=0)
+        motion = self.step(place.contacts())
+        moved = place.after(motion)
+        settled = place.distance_to(moved) <= self.tolerance
+        if not self.halvings or moved.cost <= place.cost or settled:
+            return moved
+        centre = place.points.mean(axis=0)
         for k in range(1, self.halvings + 1):
-            there = here.at(part_of(motion, 0.5**k, centre))
-            if there.cost <= here.cost:
-                return there
+            moved = place.after(part_of(motion, 0.5**k, centre))
+            if moved.cost <= place.cost:
+                return moved
         return None
 
 
@@ -289,40 +290,40 @@ class _Place:
 
     def __init__(self, icp: Icp, source: _Source, target: Target, motion: Similarity) -> None:
         self.icp, self.source, self.target, self.motion = icp, source, target, motion
-        given, self.weights, turning = source
-        self.points: Array = motion(given)
+        points, self.weights, turning = source
+        self.points: Array = motion(points)
         normals = None if turning is None else turning @ motion.R.T
-        self.found = target.closest(self.points, icp.gate, normals, icp.facing)
-        touching = np.asarray(self.found.faces) >= 0
+        self.nearest = target.closest(self.points, icp.gate, normals, icp.facing)
+        touching = np.asarray(self.nearest.faces) >= 0
         self.contact: Mask = touching & (self.weights > 0)
         counted = touching if np.isinf(icp.gate) else np.ones_like(touching)
-        self.distances = np.where(touching, np.abs(self.found.distances), icp.gate)
-        self.pull = np.zeros(len(self.points))
-        self.pull[counted] = icp.loss.weights(self.distances[counted])
-        self.contact &= self.pull > 0
+        self.distances = np.where(touching, np.abs(self.nearest.distances), icp.gate)
+        self.loss_weights = np.zeros(len(self.points))
+        self.loss_weights[counted] = icp.loss.weights(self.distances[counted])
+        self.contact &= self.loss_weights > 0
         self.cost = float(self.weights[counted] @ icp.loss.costs(self.distances[counted]))
 
     def contacts(self) -> Contacts:
         """The points that have a contact, with it."""
-        on = self.contact
+        touching = self.contact
         return Contacts(
-            self.points[on],
-            self.found.points[on],
-            self.found.normals[on],
-            (self.weights * self.pull)[on],
+            self.points[touching],
+            self.nearest.points[touching],
+            self.nearest.normals[touching],
+            (self.weights * self.loss_weights)[touching],
         )
 
-    def at(self, step: Similarity) -> "_Place":
+    def after(self, step: Similarity) -> "_Place":
         """The place after a step from here."""
         return _Place(self.icp, self.source, self.target, step.after(self.motion))
 
-    def to(self, other: "_Place") -> float:
+    def distance_to(self, other: "_Place") -> float:
         """How far, m, the point that moves farthest comes on the way to another place."""
         return float(np.linalg.norm(other.points - self.points, axis=1).max())
 
     def iterate(self, moved: float) -> IcpIterate:
         """What the trace keeps."""
-        on = np.asarray(self.found.faces) >= 0
-        w, d = self.weights[on], self.distances[on]
+        touching = np.asarray(self.nearest.faces) >= 0
+        w, d = self.weights[touching], self.distances[touching]
         rms = float(np.sqrt(w @ d**2 / w.sum())) if w.any() else np.nan
-        return IcpIterate(self.motion, self.cost, rms, float(on.mean()), moved)
+        return IcpIterate(self.motion, self.cost, rms, float(touching.mean()), moved)

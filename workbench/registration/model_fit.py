@@ -1,4 +1,8 @@
-"""A body fitted to a scan that nobody labelled: many starts, from coarse to fine."""
+"""A body fitted to a scan that nobody labelled: many starts, from coarse to fine.
+
+The way from an arm that is folded forwards to one that is folded backwards leads uphill. The cost
+knows which of the two is right, so limbs begin again from poses that are usual (`unfolded`).
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,8 +23,7 @@ from workbench.fitting.scans.surface import loose_points
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.registration.from_a_camera import empty_space, seen_starts, sees
-from workbench.registration.limbs import joints_of, unfolded
-from workbench.registration.starts import scan_starts
+from workbench.registration.starts import limb_poses, scan_starts
 from workbench.residuals import Residual
 from workbench.residuals.contacts import Form, distance
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
@@ -28,9 +31,14 @@ from workbench.residuals.scans import scan_to_model
 from workbench.solvers.solution import Hypothesis, Iterate, Solution, Solver
 from workbench.solvers.trust_region import TrustRegion
 
-OVER = 3  # iterations, over which a decrease is measured
-FURTHER = 5  # such decreases are what a run is expected to gain yet, at most
-CLEARLY = 1.1  # times the cost that it must come down to: above this it is given up
+MEASURED_OVER = 3  # iterations, over which a decrease is measured
+DECREASES_LEFT = 5  # such decreases are what a run is expected to gain yet, at most
+HOPELESS_FACTOR = 1.1  # times the cost that it must come down to: above this it is given up
+SHORTEST_LIMB = 3  # joints
+LEAST_GAIN = 0.01  # of the cost, by which another pose of a limb must be better
+MOST_SWEEPS = 3  # through all limbs: several may be wrong
+STARTS_IN_SWEEP = 12  # at most, of those that were compared as they stand
+ITERATIONS, SETTLED = 12, 0.01  # of a run that tries another pose of a limb
 
 
 @dataclass(frozen=True)
@@ -46,7 +54,7 @@ class FitStage:
         iterations: the most from each start.
         settled: a run ends when three iterations together lower the cost by less than this share.
         limbs: of how many of the best ends the arms and legs begin again in other poses afterwards,
-            in case one is folded the wrong way (see `limbs.unfolded`).
+            in case one is folded the wrong way (see `unfolded`).
 
     A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it:
     with a wide reach, a few points of clutter draw hidden limbs to them. So sigma shrinks with the
@@ -65,6 +73,11 @@ class FitStage:
         several = {name: getattr(self, name) for name in ("points", "starts", "iterations")}
         above_zero("a stage", sigma=self.sigma, reach=self.reach, **several)
         from_zero("a stage", settled=self.settled, limbs=self.limbs)
+
+
+def joints_of(body: Body, values: Values) -> Array:
+    """The joints (K, 3) m of a body whose blocks have these values."""
+    return body.joints(*(values[block.name] for block in body.blocks()))
 
 
 @dataclass(frozen=True)
@@ -119,39 +132,61 @@ class StageRuns:
         """
         costs: list[float] = []
         self.given_up = False
-        at = FitProgress(*self.stage, number + 1, self.starts, 0, 0.0)
+        first = FitProgress(*self.stage, number + 1, self.starts, 0, 0.0)
 
-        def done(iterate: Iterate) -> bool:
+        def ends_here(iterate: Iterate) -> bool:
             costs.append(iterate.cost)
-            now = replace(at, iteration=len(costs) - 1, cost=iterate.cost)
+            now = replace(first, iteration=len(costs) - 1, cost=iterate.cost)
             if self.stopped or (self.progress is not None and self.progress(now) is True):
                 self.stopped = "stopped"
             if self.stopped or now.iteration >= most:
                 return True
             if ends and len(costs) > 1:
                 joints = joints_of(self.body, iterate.values)
-                off = np.linalg.norm(np.array(ends) - joints, axis=-1).mean(axis=1)
-                if off.min() < near:
+                distances = np.linalg.norm(np.array(ends) - joints, axis=-1).mean(axis=1)
+                if distances.min() < near:
                     self.given_up = True
                     return True
-            if len(costs) <= OVER + 1:
+            if len(costs) <= MEASURED_OVER + 1:
                 return False
-            gained = costs[-1 - OVER] - iterate.cost
-            hopeless = iterate.cost - FURTHER * gained > CLEARLY * enough
+            gained = costs[-1 - MEASURED_OVER] - iterate.cost
+            hopeless = iterate.cost - DECREASES_LEFT * gained > HOPELESS_FACTOR * enough
             settles = gained < settled * iterate.cost
             self.given_up = hopeless and not settles
             return settles or hopeless
 
-        end = self.solver.solve(self.problem, start, callback=done)
+        end = self.solver.solve(self.problem, start, callback=ends_here)
         self.iterations += len(end.trace) - 1
         if self.stopped or self.interrupted():
             self.stopped = end.message
         return end
 
+    def hypotheses(
+        self, starts: Sequence[Values], stage: FitStage, following: int, same: float
+    ) -> list[Hypothesis]:
+        """The different ends of runs from all starts, the lowest cost first.
+
+        A run that will not come among the best `following`, or that comes to a known end, is given
+        up; ends whose joints are less than `same` m apart are one.
+        """
+        solutions, hypotheses, known = list[Solution](), list[Hypothesis](), list[Array]()
+        for k, start in enumerate(starts):
+            enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
+            end = self.run(
+                k, start, stage.iterations, stage.settled, enough, known, KNOWN_END * same
+            )
+            if not self.given_up:
+                known.append(joints_of(self.body, end.values))
+            solutions.append(end)
+            hypotheses = _hypotheses(self.body, solutions, same)
+            if self.stopped:
+                break
+        return hypotheses
+
 
 SAME = 0.02  # m, mean distance of joints: two ends that are nearer are one hypothesis
-AGAIN = 0.375  # times that: a run that comes so near to an end leads to it
-FULL = 0.95  # the quantile of the areas from which on all points count fully
+KNOWN_END = 0.375  # times that: a run that comes so near to an end leads to it
+FULL_QUANTILE = 0.95  # the quantile of the areas from which on all points count fully
 SCREEN = FitStage(300, 0.03, 0.06, 1, 1)  # with which poses of limbs are compared as they stand
 WITHIN = 0.4  # m: a point farther from the surface has no contact
 
@@ -264,13 +299,7 @@ def fit_model(
     ends: list[Values] = [dict(start) for start in starts(body, seen)]
     if not ends:
         raise BadArgument("there is no start; `scan_starts` makes some")
-    order = np.random.default_rng(seed).permutation(seen.n_points)
-    before = time.perf_counter()
-    iterations, stopped = 0, ""
-    hypotheses: list[Hypothesis] = []
-    levels: list[list[Hypothesis]] = []
-    given = usual_priors(body) if priors is None else tuple(priors)
-    names = tuple(block.name for block in body.blocks())
+    began = time.perf_counter()
     if camera is not None:
         if not sees(camera, seen.points):
             raise BadArgument(
@@ -278,105 +307,166 @@ def fit_model(
                 "cannot have seen from there; leave `camera` out, or give its place"
             )
         ends = list(seen_starts(body, seen, np.asarray(camera), ends, stages[0].starts))
+    order = np.random.default_rng(seed).permutation(seen.n_points)
+    prior_terms = usual_priors(body) if priors is None else tuple(priors)
+    names = tuple(block.name for block in body.blocks())
 
     def problem_of(stage: FitStage) -> Problem:
-        some = order[: stage.points]
-        data = _data(body, seen, some, stage, kernel, form, within)
+        rows = order[: stage.points]
+        data = _scan_term(body, seen, rows, stage, kernel, form, within)
         free = () if camera is None else (empty_space(body, scan, camera, stage.sigma),)
-        return Problem((data, *given, *others, *free), names)
+        return Problem((data, *prior_terms, *others, *free), names)
 
-    first = ends
+    first, levels, iterations = ends, list[list[Hypothesis]](), 0
     with Interrupts() as interrupts:
-        for number, stage in enumerate(stages):
-            problem, begin = problem_of(stage), ends[: stage.starts]
-            place = (number + 1, len(stages))
+        for number, stage in enumerate(stages, start=1):
+            problem, ends = problem_of(stage), ends[: stage.starts]
+            place = (number, len(stages))
             runs = StageRuns(
-                body, problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
+                body, problem, solver, progress, lambda: interrupts.pressed, place, len(ends)
             )
-            following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            found, hypotheses, known = [], [], list[Array]()
-            for k, start in enumerate(begin):
-                enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
-                end = runs.run(
-                    k, start, stage.iterations, stage.settled, enough, known, AGAIN * same
-                )
-                if not runs.given_up:
-                    known.append(joints_of(body, end.values))
-                found.append(end)
-                hypotheses = _different(body, found, same)
-                if runs.stopped:
-                    break
+            following = stages[number].starts if number < len(stages) else 1
+            hypotheses = runs.hypotheses(ends, stage, following, same)
             if stage.limbs and not runs.stopped:
                 screen = problem_of(SCREEN)
-                for k, one in enumerate(hypotheses[: stage.limbs]):
-                    hypotheses[k] = unfolded(body, runs, screen, one, AGAIN * same)
-                hypotheses.sort(key=lambda one: one.cost)
-            iterations, stopped = iterations + runs.iterations, runs.stopped
-            ends = [one.values for one in hypotheses]
+                for k, hypothesis in enumerate(hypotheses[: stage.limbs]):
+                    hypotheses[k] = unfolded(runs, screen, hypothesis, KNOWN_END * same)
+                hypotheses.sort(key=lambda hypothesis: hypothesis.cost)
+            iterations += runs.iterations
+            ends = [hypothesis.values for hypothesis in hypotheses]
             levels.append(hypotheses)
-            if stopped:
+            if runs.stopped:
                 break
     return ModelFit(
         body,
         seen,
         problem,
-        tuple(prior.name for prior in given),
+        tuple(prior.name for prior in prior_terms),
         stage.reach,
         tuple(hypotheses),
         iterations,
-        time.perf_counter() - before,
-        stopped,
-        _way(first, levels),
+        time.perf_counter() - began,
+        runs.stopped,
+        _path_to_best(first, levels),
     )
 
 
-def _way(starts: Sequence[Values], levels: Sequence[Sequence[Hypothesis]]) -> tuple[Values, ...]:
+def _path_to_best(
+    starts: Sequence[Values], levels: Sequence[Sequence[Hypothesis]]
+) -> tuple[Values, ...]:
     """From a start to the best hypothesis of the last level, through one of each level before.
 
     The starts of a hypothesis are numbers of the hypotheses of the level before.
     """
-    k, way = 0, []
+    k, path = 0, []
     for level in reversed(levels):
-        way.append(level[k].values)
+        path.append(level[k].values)
         k = level[k].starts[0]
-    return tuple(reversed([*way, starts[k]]))
+    return tuple(reversed([*path, starts[k]]))
 
 
-def _data(
-    body: Body, scan: Scan, some: Index, stage: FitStage, kernel: Kernel, form: Form, within: float
+def _scan_term(
+    body: Body, scan: Scan, rows: Index, stage: FitStage, kernel: Kernel, form: Form, within: float
 ) -> Residual:
     """The robust distances of some points of the scan to the body."""
     weights = None
     if scan.weights is not None:
-        areas = scan.weights[some]
-        full = float(np.quantile(areas, FULL)) or float(areas.max())
+        areas = scan.weights[rows]
+        full = float(np.quantile(areas, FULL_QUANTILE)) or float(areas.max())
         weights = np.minimum(areas / full, 1.0) if full > 0 else None
     return scan_to_model(
         body.points(*(block.symbol for block in body.blocks())),
         body.faces,
-        scan.points[some],
+        scan.points[rows],
         sigma=stage.sigma,
         kernel=scaled(kernel, stage.reach / stage.sigma),
         weights=weights,
-        normals=None if scan.normals is None else scan.normals[some],
+        normals=None if scan.normals is None else scan.normals[rows],
         within=within,
         form=form,
         name="scan",
     )
 
 
-def _different(body: Body, found: Sequence[Solution], same: float) -> list[Hypothesis]:
+def _hypotheses(body: Body, solutions: Sequence[Solution], same: float) -> list[Hypothesis]:
     """The ends as hypotheses, the lowest first; ends with joints in the same places are one."""
     kept: list[Hypothesis] = []
     placed: list[Array] = []
-    for number in sorted(range(len(found)), key=lambda k: found[k].cost):
-        end = found[number]
+    for number in sorted(range(len(solutions)), key=lambda k: solutions[k].cost):
+        end = solutions[number]
         joints = joints_of(body, end.values)
-        off = [float(np.linalg.norm(joints - one, axis=1).mean()) for one in placed]
-        near = next((i for i, d in enumerate(off) if d < same), None)
-        if near is None:
+        distances = [float(np.linalg.norm(joints - known, axis=1).mean()) for known in placed]
+        same_end = next((i for i, d in enumerate(distances) if d < same), None)
+        if same_end is None:
             kept.append(Hypothesis(end.values, end.cost, end.status, (number,), end.violation))
             placed.append(joints)
         else:
-            kept[near] = replace(kept[near], starts=(*kept[near].starts, number))
+            kept[same_end] = replace(kept[same_end], starts=(*kept[same_end].starts, number))
     return kept
+
+
+def unfolded(runs: StageRuns, screen: Problem, hypothesis: Hypothesis, near: float) -> Hypothesis:
+    """The hypothesis, or a lower one in which one or more limbs have other poses.
+
+    Each limb is put to each of `limb_poses` in turn, and a run begins at the 12 of these whose cost
+    is lowest as they stand in `screen`, a coarser problem. A run that comes within `near` m of the
+    lowest end so far, in the mean of the joints, is given up. The lowest of their ends is taken if
+    its cost is lower by more than 1 %; then all limbs are tried again from there.
+    """
+    body = runs.body
+    pose, poses = body.blocks()[0].name, limb_poses(body)
+    lowest: list[Solution] = []
+
+    def solve(start: Values) -> Solution:
+        ends = [joints_of(body, end.values) for end in lowest]
+        end = runs.run(hypothesis.starts[0], start, ITERATIONS, SETTLED, ends=ends, near=near)
+        lowest[:] = [min([*lowest, end], key=lambda end: end.cost)]
+        return end
+
+    def cost(values: Values) -> float:
+        rows = screen.residual(*screen.split(values))
+        return float(rows @ rows) / 2
+
+    first = best = solve(hypothesis.values)
+    for _ in range(MOST_SWEEPS):
+        values = {**hypothesis.values, **best.values}
+        starts = [
+            {**values, pose: with_limb(values[pose], limb, other)}
+            for limb in limbs(body.parents)
+            for other in poses
+        ]
+        ends = [solve(start) for start in sorted(starts, key=cost)[:STARTS_IN_SWEEP]]
+        end = min(ends, key=lambda end: end.cost, default=best)
+        if end.cost >= (1 - LEAST_GAIN) * best.cost:
+            break
+        best = end
+    if best is first:
+        return hypothesis
+    return Hypothesis(best.values, best.cost, best.status, hypothesis.starts, best.violation)
+
+
+def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """The joints of every unbranched end of a tree that has three joints or more.
+
+    For SMPL's tree these are the arms from the collar, from the shoulder and from the elbow on, and
+    the legs from the hip and from the knee on; for a hand they are the fingers.
+    """
+    below: list[list[int]] = [[] for _ in parents]
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            below[parent].append(joint)
+    ends = []
+    for first in range(1, len(parents)):
+        limb = [first]
+        while len(below[limb[-1]]) == 1:
+            limb += below[limb[-1]]
+        if not below[limb[-1]] and len(limb) >= SHORTEST_LIMB:
+            ends.append(tuple(limb))
+    return tuple(ends)
+
+
+def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
+    """The pose (K, 3) rad with the joints of a limb as in `other` (K - 1, 3), without the root."""
+    moved, joints = np.array(pose), np.array(limb)
+    moved[joints] = other[joints - 1]
+    return moved

@@ -16,10 +16,10 @@ from workbench.fitting.hands import SIGMA, checked_hand, hand_landmarks, hand_pr
 from workbench.fitting.scans.scan import Scan
 from workbench.registration.doubts import NEAR, Doubts
 from workbench.registration.free_vertices import (
-    BODY,
+    BLOCKS,
+    JOINT_SOLVER,
     MODEL_STAGES,
     QUICK_VERTEX_STAGES,
-    TOGETHER,
     VERTEX_STAGES,
     VERTICES,
     ScanTerm,
@@ -41,7 +41,7 @@ from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers import TrustRegion
 
 PERSON = Doubts()
-LARGE = 3_000  # vertices, from which on the model is held while vertices are free
+MODEL_HELD_ABOVE = 3_000  # vertices, from which on the model is held while vertices are free
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Recipe:
             return ()
         if self.vertex_stages is not None:
             return self.vertex_stages
-        stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
+        stages = VERTEX_STAGES if body.n_vertices <= MODEL_HELD_ABOVE else QUICK_VERTEX_STAGES
         return stages[len(MODEL_STAGES) :]
 
     def stages(self, seen: bool) -> tuple[FitStage, ...]:
@@ -137,7 +137,7 @@ HAND_FIT_STAGES = (
     FitStage(1500, 0.003, 0.009, 2, 40, 0.0005),
 )
 HAND_TERM = ScanTerm(sigma=0.001, outlier=0.004, within=0.02, patch=1e-5)
-HAND_VERTEX_STAGES = (VertexStage("free", (*BODY, VERTICES), 0.001, HAND_TERM, TOGETHER),)
+HAND_VERTEX_STAGES = (VertexStage("free", (*BLOCKS, VERTICES), 0.001, HAND_TERM, JOINT_SOLVER),)
 
 
 HAND_RECIPE = Recipe(

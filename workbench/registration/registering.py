@@ -2,7 +2,7 @@
 
 `fit_model` (stages from many starts), `support`, `doubts` and `FreeVertices` in turn. No fit goes
 uphill from a limb that is folded the wrong way; so other poses of limbs are tried after a stage
-(`limbs`). Results hold arrays only, so that they may be computed in another process.
+(`unfolded`). Results hold arrays only, so that they may be computed in another process.
 """
 
 from __future__ import annotations
@@ -33,7 +33,13 @@ from workbench.registration.model_fit import FitProgress, FitStage, ModelFit
 from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.starts import facing
 
+if TYPE_CHECKING:
+    import trimesh
+
 HEIGHT, LENGTH = "height", "length"
+CAMERA_AMONG_POINTS = (
+    "the camera stands among the points, which it cannot have seen; its place was not used"
+)
 
 
 @dataclass(frozen=True)
@@ -53,12 +59,6 @@ def body_size(body: Body, betas: Array) -> BodySize:
         return BodySize(HEIGHT, float(np.ptp(surface[:, 1])))
     wrist = body.joints(body.bind_pose, betas, np.zeros(3))[0]
     return BodySize(LENGTH, float(np.linalg.norm(surface - wrist, axis=1).max()))
-
-
-if TYPE_CHECKING:
-    import trimesh
-
-AMONG = "the camera stands among the points, which it cannot have seen; its place was not used"
 
 
 @dataclass(frozen=True)
@@ -171,24 +171,24 @@ def register(
     """
     scan = Scan.of(scan)
     recipe = usual_recipe(body) if recipe is None else recipe
-    inner = ~boundary(scan, width=recipe.boundary) if recipe.boundary else None
-    used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))
+    keep = ~boundary(scan, width=recipe.boundary) if recipe.boundary else None
+    used = scan if keep is None else scan.some(keep)
     outside = camera if camera is None or sees(camera, used.points) else None
     known_camera = outside if recipe.empty else None
     began = time.perf_counter()
     with Interrupts() as interrupts:
-        fit = recipe.fit(body, scan, keep=inner, camera=known_camera, progress=progress)
+        fit = recipe.fit(body, scan, keep=keep, camera=known_camera, progress=progress)
         interrupts.check()
-        known = support(fit, near=recipe.near)
-        doubted = doubts(fit, known, camera=outside, limits=recipe.doubts)
+        supported = support(fit, near=recipe.near)
+        sentences = doubts(fit, supported, camera=outside, limits=recipe.doubts)
         if outside is not camera:
-            doubted = (*doubted, AMONG)
-        vertices, values, seen = fit.vertices(), fit.values, known.seen
+            sentences = (*sentences, CAMERA_AMONG_POINTS)
+        vertices, values, seen = fit.vertices(), fit.values, supported.seen
         surfaces = _surfaces(fit, recipe.stages(seen=known_camera is not None))
         stages: list[StageOutcome] = []
 
         def ended(name: str, unknowns: int, iterations: int, cost: float) -> None:
-            away = np.abs(_distances(fit.scan, vertices, body.faces))
+            away = np.abs(_signed_distances(fit.scan, vertices, body.faces))
             touching = away < fit.reach
             median = float(np.median(away[touching])) if touching.any() else float("nan")
             seconds = time.perf_counter() - began - sum(stage.seconds for stage in stages)
@@ -198,13 +198,13 @@ def register(
         ended("model", fit.problem.free.size, fit.iterations, fit.cost)
         for stage in recipe.stages_of_vertices(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
-            done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
+            free = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
             interrupts.check()
-            values, vertices = done.values, done.vertices
-            seen = known.seen | done.touched
-            also = "" if stage.name == "free" else f", {stage.name}"
-            surfaces[f"free vertices{also}"] = np.asarray(vertices)
-            solution = done.stages[-1].solution
+            values, vertices = free.values, free.vertices
+            seen = supported.seen | free.touched
+            suffix = "" if stage.name == "free" else f", {stage.name}"
+            surfaces[f"free vertices{suffix}"] = np.asarray(vertices)
+            solution = free.stages[-1].solution
             unknowns = sum(np.size(solution.values[name]) for name in stage.free)
             ended(stage.name, unknowns, solution.iterations, solution.cost)
         interrupts.check()
@@ -212,29 +212,35 @@ def register(
     kept = {name: np.asarray(values[name]) for name in names}
     x, _, z = facing(kept[names[0]][0], body.bind_pose[0])
     return Registration(
-        used,
-        left_out,
-        body.faces,
-        kept,
-        np.asarray(body.vertices(*(kept[name] for name in names))),
-        np.asarray(vertices),
-        seen,
-        known.sd,
-        _distances(used, vertices, body.faces),
-        tuple(stages),
-        tuple(
-            OtherEnd(
-                (other.cost - fit.cost) / fit.cost,
-                float(np.linalg.norm(fit.vertices(k) - fit.vertices(), axis=1).mean()),
-            )
-            for k, other in enumerate(fit.hypotheses[1:], start=1)
-        ),
-        doubted,
-        body_size(body, kept[names[1]]),
-        float(np.arctan2(x, z)),
-        fit.reach,
-        measurements(body, fit.problem, kept, fit.priors),
-        surfaces,
+        scan=used,
+        left_out=scan.n_points - used.n_points,
+        faces=body.faces,
+        values=kept,
+        model=np.asarray(body.vertices(*(kept[name] for name in names))),
+        vertices=np.asarray(vertices),
+        seen=seen,
+        sd=supported.sd,
+        distances=_signed_distances(used, vertices, body.faces),
+        stages=tuple(stages),
+        others=_others(fit),
+        doubts=sentences,
+        size=body_size(body, kept[names[1]]),
+        facing=float(np.arctan2(x, z)),
+        reach=fit.reach,
+        measurements=measurements(body, fit.problem, kept, fit.priors),
+        surfaces=surfaces,
+    )
+
+
+def _others(fit: ModelFit) -> tuple[OtherEnd, ...]:
+    """The hypotheses of a fit after the best one."""
+    best = fit.vertices()
+    return tuple(
+        OtherEnd(
+            (other.cost - fit.cost) / fit.cost,
+            float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean()),
+        )
+        for k, other in enumerate(fit.hypotheses[1:], start=1)
     )
 
 
@@ -242,14 +248,14 @@ def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     """The body on the way of its fit, by stages and the number of points that they use."""
     names = [block.name for block in fit.body.blocks()]
     counts = [min(stage.points, fit.scan.n_points) for stage in stages]
-    called = ["start", *(f"stage {k + 1}, {count:,} points" for k, count in enumerate(counts))]
+    labels = ["start", *(f"stage {k + 1}, {count:,} points" for k, count in enumerate(counts))]
     return {
-        name: np.asarray(fit.body.vertices(*(values[one] for one in names)))
-        for name, values in zip(called, fit.way, strict=False)  # a stopped fit has fewer stages
+        label: np.asarray(fit.body.vertices(*(values[name] for name in names)))
+        for label, values in zip(labels, fit.way, strict=False)  # a stopped fit has fewer stages
     }
 
 
-def _distances(scan: Scan, vertices: Array, faces: Index) -> Array:
+def _signed_distances(scan: Scan, vertices: Array, faces: Index) -> Array:
     """(M,) m, signed; infinite where no surface within 30 cm faces the way of a point."""
-    at = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
-    return np.asarray(np.where(at.faces >= 0, at.distances, np.inf))
+    contacts = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
+    return np.asarray(np.where(contacts.faces >= 0, contacts.distances, np.inf))

@@ -9,14 +9,14 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.jobs import FailedFile, FileJob, check_names_differ, reason_of
-from workbench.fitting.scans.files import FEWEST, contents_of, read_scan
+from workbench.fitting.scans.files import SMALLEST_LIMIT, contents_of, read_scan
 from workbench.geometry.guesses import UNITS, UP_TO_Y, check_given, sizes_of
 from workbench.registration.model_fit import FitProgress
 from workbench.registration.recipe import Recipe, with_skeleton
 from workbench.registration.registering import Registration, register
 
-MOST = 40_000  # points of a scan that are registered
-RESERVED = ("index.html", "registrations.csv", "start.npz", "summary.json")  # beside the folders
+MOST_POINTS = 40_000  # points of a scan that are registered
+RESERVED_NAMES = ("index.html", "registrations.csv", "start.npz", "summary.json")
 ScanJob = FileJob  # of a scan to be registered
 FailedScan = FailedFile  # a scan that could not be registered
 
@@ -41,13 +41,15 @@ class Reading:
     up: str | None = None
     array: str | None = None
     camera: tuple[float, float, float] | None = None
-    most: int = MOST
+    most: int = MOST_POINTS
     skeleton: Path | None = None
 
     def __post_init__(self) -> None:
         check_given(self.unit, self.up)
-        if self.most < FEWEST:
-            raise BadArgument(f"at least {FEWEST:,} points of a scan are read, not {self.most}")
+        if self.most < SMALLEST_LIMIT:
+            raise BadArgument(
+                f"at least {SMALLEST_LIMIT:,} points of a scan are read, not {self.most}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +77,7 @@ def registered(
     bad file among hundreds does not end the others; only Ctrl-C is raised.
     """
     try:
-        read = read_scan(
+        file = read_scan(
             job.path,
             unit=reading.unit,
             up=reading.up,
@@ -85,43 +87,43 @@ def registered(
             sizes=sizes_of(body.joint_names),
         )
         if reading.skeleton is not None:
-            points = contents_of(reading.skeleton).points @ UP_TO_Y[read.up].T * UNITS[read.unit]
+            points = contents_of(reading.skeleton).points @ UP_TO_Y[file.up].T * UNITS[file.unit]
             recipe = with_skeleton(recipe, body, points)
-        found = register(
-            body, read.scan, recipe=recipe, camera=read.camera_position, progress=progress
+        registration = register(
+            body, file.scan, recipe=recipe, camera=file.camera_position, progress=progress
         )
     except Exception as error:
         return FailedScan(job, reason_of(error, job.path, "register"))
-    if not (found.touching.any() and found.seen.any()):
+    if not (registration.touching.any() and registration.seen.any()):
         return FailedScan(job, f"no point of {job.path} touches the surface of the fitted body")
-    return RegisteredScan(job, found, read.camera_position, read.notes)
+    return RegisteredScan(job, registration, file.camera_position, file.notes)
 
 
 def jobs_of(files: list[Path], array: str | None = None) -> tuple[ScanJob, ...]:
     """A job for each file, with names that differ, also where capitals do not count: the file's
-    without its suffix, or with it where two would be alike or the name is one of `RESERVED`; and
-    the name of an array after that of an .npz file, which may hold several scans.
+    without its suffix, or with it where two would be alike or the name is reserved; and the name
+    of an array after that of an .npz file, which may hold several scans.
 
     Raises BadArgument if two files have the same name, in different folders.
     """
-    stems = [_plain(path.stem) for path in files]
+    stems = [_folder_name(path.stem) for path in files]
     often = Counter(map(str.casefold, stems))
     names = [
         stem
-        if often[stem.casefold()] == 1 and stem.casefold() not in RESERVED
-        else _plain(path.name.replace(".", "-"))
+        if often[stem.casefold()] == 1 and stem.casefold() not in RESERVED_NAMES
+        else _folder_name(path.name.replace(".", "-"))
         for stem, path in zip(stems, files, strict=True)
     ]
     if array is not None:
         names = [
-            _plain(f"{name}-{array}") if path.suffix.lower() == ".npz" else name
+            _folder_name(f"{name}-{array}") if path.suffix.lower() == ".npz" else name
             for name, path in zip(names, files, strict=True)
         ]
     check_names_differ(files, names, "register them")
     return tuple(ScanJob(name, path) for name, path in zip(names, files, strict=True))
 
 
-def _plain(name: str) -> str:
+def _folder_name(name: str) -> str:
     """A name for a folder that tables of registrations and all systems take."""
     encodable = name.encode("utf-8", "replace").decode("utf-8")
     return encodable.replace("#", "-").replace("/", "-").strip(" .") or "scan"

@@ -9,10 +9,12 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
 from workbench.bodies.spaces import has_pose_space, pose_space
 from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_gaussian
 from workbench.fitting.hands import mean_hand
 from workbench.fitting.placing import moved
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.priors.poses import shipped_mixture
 
 
 def facing(root: Array, bind: Array) -> Array:
@@ -29,10 +31,10 @@ def facing(root: Array, bind: Array) -> Array:
 
 YAWS = 8
 ARMS = (1.3, 0.7, 0.1)  # rad below the horizontal: hanging down, half raised, and spread
-WHOLE = 0.6  # times the height of the body: a scan that is higher is of all of it
-STRAY = 0.01  # of the points may lie below the feet, and as many above the head
-LARGEST, SMALLEST = 5.0, 0.1  # times the height of the body: the size of a scan of a person
-FEWEST = 20  # points
+WHOLE_HEIGHT = 0.6  # times the height of the body: a scan that is higher is of all of it
+STRAY_SHARE = 0.01  # of the points may lie below the feet, and as many above the head
+LARGEST_SIZE, SMALLEST_SIZE = 5.0, 0.1  # times the height of the body: of a scan of a person
+FEWEST_POINTS = 20  # points
 
 
 def scan_starts(
@@ -54,11 +56,11 @@ def scan_starts(
             f"starts need one facing and one pose of the arms or more, not {yaws} and {arms}"
         )
     check_size(body, scan)
-    low, high = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
+    low, high = np.quantile(scan.points[:, 1], [STRAY_SHARE, 1 - STRAY_SHARE])
     middle = np.median(scan.points, axis=0)
     betas = np.zeros(body.n_betas)
     names = [block.name for block in body.blocks()]
-    found = []
+    starts = []
     for angle in arms:
         lowered = arms_lowered(body, angle)
         for k in range(yaws):
@@ -67,10 +69,10 @@ def scan_starts(
             pose[0] = vector_from_matrix(turn @ matrix_from_vector(pose[0]))
             surface = body.vertices(pose, betas, np.zeros(3))
             trans = middle - np.median(surface, axis=0)
-            if high - low > WHOLE * np.ptp(surface[:, 1]):
+            if high - low > WHOLE_HEIGHT * np.ptp(surface[:, 1]):
                 trans[1] = low - surface[:, 1].min()
-            found.append(dict(zip(names, (pose, betas, trans), strict=True)))
-    return tuple(found)
+            starts.append(dict(zip(names, (pose, betas, trans), strict=True)))
+    return tuple(starts)
 
 
 def arms_lowered(body: Body, angle: float) -> Array:
@@ -101,21 +103,33 @@ def _descends(parents: tuple[int, ...], joint: int, ancestor: int) -> bool:
 
 def check_size(body: Body, scan: Scan) -> None:
     """Raise BadScan for a scan that cannot be of this body."""
-    if scan.n_points < FEWEST:
+    if scan.n_points < FEWEST_POINTS:
         raise BadScan(
-            f"a body is fitted to at least {FEWEST} points, but the scan has {scan.n_points}"
+            f"a body is fitted to at least {FEWEST_POINTS} points, but the scan has {scan.n_points}"
         )
     height = float(np.ptp(body.template, axis=0).max())
-    quantiles = np.quantile(scan.points, [STRAY, 1 - STRAY], axis=0)
+    quantiles = np.quantile(scan.points, [STRAY_SHARE, 1 - STRAY_SHARE], axis=0)
     size = float((quantiles[1] - quantiles[0]).max())
-    if not SMALLEST < size / height < LARGEST:
+    if not SMALLEST_SIZE < size / height < LARGEST_SIZE:
         raise BadScan(
             f"the scan is {size:.3g} m in size, and the body {height:.3g} m; points are expected "
             "in metres, and of one person (millimetres look 1000 times too large)"
         )
 
 
-CLOSED = (0.0, 1.5)  # standard deviations of the first component, which closes the hand
+def limb_poses(body: Body) -> tuple[Array, ...]:
+    """Poses (K - 1, 3) rad of all joints but the root, at which limbs may begin again.
+
+    They are the mean of `pose_prior` and, for a body with the joints of which it was learned, the
+    means of the eight components of `shipped_mixture`: arms that hang, are bent, or are raised.
+    """
+    mean, mixture = np.reshape(pose_gaussian(body)[0], (-1, 3)), shipped_mixture()
+    if tuple(body.joint_names[1:]) != tuple(mixture.joint_names):
+        return (mean,)
+    return mean, *mixture.means.reshape(-1, len(mean), 3)
+
+
+CLOSURES = (0.0, 1.5)  # standard deviations of the first component, which closes the hand
 
 
 def hand_starts(body: Body, scan: Scan) -> tuple[Values, ...]:
@@ -133,19 +147,19 @@ def hand_starts(body: Body, scan: Scan) -> tuple[Values, ...]:
     hands, (pose, betas, _) = [mean_hand(body)], (block.name for block in body.blocks())
     if has_pose_space(body):
         space = pose_space(body, 1)
-        bent = [space.poses(body, np.atleast_1d(x * space.deviations)) for x in CLOSED]
-        hands = [hands[0] | {pose: one} for one in bent]
-    middle, axes = _frame(scan.points)
-    found = []
+        closed = [space.poses(body, np.atleast_1d(x * space.deviations)) for x in CLOSURES]
+        hands = [hands[0] | {pose: poses} for poses in closed]
+    middle, axes = _principal_frame(scan.points)
+    starts = []
     for hand in hands:
-        own, own_axes = _frame(body.vertices(hand[pose]))
+        centre, own_axes = _principal_frame(body.vertices(hand[pose]))
         for turn in Rotation.create_group("O").as_matrix():
             R = axes @ turn @ own_axes.T
-            found.append(hand | moved(body, R, middle - R @ own, hand[pose], hand[betas]))
-    return tuple(found)
+            starts.append(hand | moved(body, R, middle - R @ centre, hand[pose], hand[betas]))
+    return tuple(starts)
 
 
-def _frame(points: Array) -> tuple[Array, Array]:
+def _principal_frame(points: Array) -> tuple[Array, Array]:
     """The centre (3,) of points (N, 3), and their principal axes as columns of a rotation."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2].T

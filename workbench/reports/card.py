@@ -17,10 +17,10 @@ from workbench.plots.body import body_sheet, shape_gallery_sheet, side
 from workbench.reports.folder import write_folder
 from workbench.reports.page import Columns, Table, page, shown
 
-LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
-ENDS = 2.0  # standard deviations at which shapes are drawn
+ARMS_LOWERED = 1.15  # rad, from a T-pose, so that shapes stand closer together
+GALLERY_SD = 2.0  # standard deviations at which shapes are drawn
 NOT_READ = "arrays of its file that its points do not depend on; save_body writes them back"
-DRAWN = 5  # shape directions in the gallery
+MOST_SHAPES = 5  # shape directions in the gallery
 
 
 def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str = "") -> Path:
@@ -29,7 +29,6 @@ def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str
     `source` is the file that the body is from. Raises BadFile if the place cannot be written or
     holds something else, the card of another file too, and BadBody for what is no body.
     """
-    check_kind(body)
     contents = {"index.html": card_page(body), "card.txt": card_text(body) + "\n"}
     summary = {"kind": "card", "name": body.name, "facts": facts(body), "card": dict(body.card)}
     return write_folder(folder, source, contents, summary)
@@ -61,9 +60,9 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
 def card_text(body: SkinnedBody | TriangleBody) -> str:
     """The card as text for a terminal. Raises BadBody for anything but a body."""
     check_kind(body)
-    known = facts(body)
-    widest = max(map(len, known))
-    lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in known.items()), ""]
+    rows = facts(body)
+    widest = max(map(len, rows))
+    lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in rows.items()), ""]
     table = joint_table(body)
     short = Table(table.head[:6], tuple(row[:6] for row in table.rows), table.numbers[:4])
     lines += [f"  {line}" for line in short.lines()]
@@ -161,20 +160,20 @@ def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:
     (N, 3) m each, the arms hanging where the body is a T-pose of SMPL's joint names.
     """
     pose = _arms_down(body)
-    found: dict[str, Array] = {}
+    gallery: dict[str, Array] = {}
     for sign, word in ((1, "+2 sd"), (-1, "−2 sd")):
         mean = body.vertices(pose)
-        found |= {"mean": mean} if sign > 0 else {"mean, side": side(mean)}
-        for b in range(min(DRAWN, body.n_betas)):
+        gallery |= {"mean": mean} if sign > 0 else {"mean, side": side(mean)}
+        for b in range(min(MOST_SHAPES, body.n_betas)):
             betas = np.zeros(body.n_betas)
-            betas[b] = sign * ENDS
-            found[f"betas[{b}] {word}"] = body.vertices(pose, betas)
-    return found
+            betas[b] = sign * GALLERY_SD
+            gallery[f"betas[{b}] {word}"] = body.vertices(pose, betas)
+    return gallery
 
 
 def _arms_down(body: SkinnedBody | TriangleBody) -> Array:
     pose = body.bind_pose.copy()
-    for name, turn in (("left_shoulder", -LOWERED), ("right_shoulder", LOWERED)):
+    for name, turn in (("left_shoulder", -ARMS_LOWERED), ("right_shoulder", ARMS_LOWERED)):
         if name in body.joint_names and (isinstance(body, TriangleBody) or body.bound_in is None):
             pose[body.joint_names.index(name), 2] = turn
     return pose

@@ -11,19 +11,19 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.comparison import Comparison, EndAnalysis, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
-from workbench.comparison.comparison import MAIN
+from workbench.comparison.comparison import MAIN_TAU
 from workbench.comparison.design import Instance
-from workbench.comparison.record import KINDS, LIMITED
+from workbench.comparison.record import KINDS, LIMITED_KINDS
 from workbench.comparison.statistics import FEWEST, Interval, median
 from workbench.comparison.store import MARK, RUNS
 from workbench.comparison.tables import (
     evaluation_seconds,
-    ratios,
+    relative_seconds,
     seconds_of_runs,
     seconds_to,
     write_csv,
 )
-from workbench.comparison.targets import PRICES, SOURCE, ended_by_clock, tau_text
+from workbench.comparison.targets import PRICES, PRICES_SOURCE, ended_by_clock, tau_text
 from workbench.identity import code_version, identity
 from workbench.plots import comparison as figures
 from workbench.reports.folder import MAKER
@@ -74,14 +74,14 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
         "kind": "comparison",
         "problems": comparison.problems,
         "solvers": {
-            e.name: identity(design.budget.given(e.solver)) | {"file": e.source}
+            e.name: identity(design.budget.applied_to(e.solver)) | {"file": e.source}
             for e in comparison.design.named_solvers
         },
         "budget": asdict(design.budget),
         "seeds": design.seeds,
         "targets": comparison.taus,
         "prices": comparison.prices,
-        "measured_prices": {p: ratios(comparison, p) for p in comparison.problems},
+        "measured_prices": {p: relative_seconds(comparison, p) for p in comparison.problems},
         "starts": {name: asdict(costs) for name, costs in comparison.references.items()},
         "basins": [
             {
@@ -120,7 +120,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         title="Solvers compared",
         comparison=comparison,
         advice=advice(comparison),
-        main=tau_text(MAIN),
+        main=tau_text(MAIN_TAU),
         verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
         meanings={outcome_words(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
@@ -129,7 +129,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
             ("evaluation of", "price"),
             tuple((PRICES[kind].name, PRICES[kind].formula) for kind in KINDS),
         ),
-        price_source=SOURCE,
+        price_source=PRICES_SOURCE,
         seconds=seconds_table(comparison),
         fewest=FEWEST,
         sure=bool(reliable(comparison, comparison.compared)) and bool(comparison.compared),
@@ -141,10 +141,10 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         )
         if pairs
         else None,
-        each=[_of(comparison, problem) for problem in comparison.problems],
+        each=[_problem_section(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
         failed=any(
-            comparison.outcomes[i.name, s] not in GOOD
+            comparison.outcomes[i.name, s] not in AT_LOWEST
             for i in comparison.comparable
             for s in comparison.solvers
         ),
@@ -167,7 +167,7 @@ def _profiles(
     return of_solvers(shown(figures.curves_sheet(comparison, plots), caption(comparison)))
 
 
-def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
+def _problem_section(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
@@ -201,20 +201,20 @@ def success_table(comparison: Comparison) -> Table:
     head = [*(f"τ = {tau_text(tau)}" for tau in comparison.taus), "ended at the lowest cost"]
     several = len(comparison.compared) > 1
     if several:
-        head.append(f"problems, τ = {tau_text(MAIN)}")
+        head.append(f"problems, τ = {tau_text(MAIN_TAU)}")
 
     def shares(solver: str) -> Iterator[Interval]:
         yield from (comparison.success(solver, tau) for tau in comparison.taus)
         yield comparison.reached(solver)
         if several:
-            yield comparison.solved_problems(solver, MAIN)
+            yield comparison.solved_problems(solver, MAIN_TAU)
 
     return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
 
 
-def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
+def effort_table(comparison: Comparison, tau: float = MAIN_TAU) -> Table:
     """The evaluations until a target was met: medians, in which failures count as infinite."""
-    kinds = _asked(comparison)
+    kinds = _evaluated_kinds(comparison)
     runs = comparison.comparable
 
     def cells(solver: str) -> Iterator[str]:
@@ -229,7 +229,7 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     return _by_solver(comparison, ["met", *(PLURAL[kind] for kind in kinds), "effort"], cells)
 
 
-def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
+def seconds_table(comparison: Comparison, tau: float = MAIN_TAU) -> Table:
     """Seconds as they were measured, with their spread."""
 
     def cells(solver: str) -> TextRow:
@@ -259,11 +259,15 @@ def problem_table(comparison: Comparison, problem: str) -> Table:
 
     columns: Columns[str] = {
         "solver": str,
-        f"met τ = {tau_text(MAIN)}": lambda s: percent(comparison.success(s, MAIN, problem)),
-        "effort": lambda s: _effort(comparison, s, MAIN, problem),
+        f"met τ = {tau_text(MAIN_TAU)}": lambda s: percent(
+            comparison.success(s, MAIN_TAU, problem)
+        ),
+        "effort": lambda s: _effort(comparison, s, MAIN_TAU, problem),
         "lowest end": lambda s: number(lowest(s), 7),
         "how its runs ended": lambda s: _verdicts(comparison, chosen, s),
-        "measured seconds": lambda s: " / ".join(_spread(seconds_to(comparison, s, MAIN, problem))),
+        "measured seconds": lambda s: " / ".join(
+            _spread(seconds_to(comparison, s, MAIN_TAU, problem))
+        ),
     }
     return Table.of(comparison.solvers, columns, (1, 2, 3, 5))
 
@@ -275,7 +279,7 @@ def problems_table(comparison: Comparison) -> Table:
     }
 
     def price(problem: str, kind: str) -> str:
-        measured = ratios(comparison, problem)[kind]
+        measured = relative_seconds(comparison, problem)[kind]
         return f"{number(comparison.prices[problem][kind], 4)} ({number(measured, 2)})"
 
     def best(problem: str) -> str:
@@ -287,7 +291,7 @@ def problems_table(comparison: Comparison) -> Table:
         "starts": lambda p: str(len(comparison.instances_of(p))),
         "m": lambda p: f"{about[p].rows:,}",
         "n": lambda p: str(about[p].unknowns),
-        **{PRICES[k].name: partial(price, kind=k) for k in _asked(comparison)[1:]},
+        **{PRICES[k].name: partial(price, kind=k) for k in _evaluated_kinds(comparison)[1:]},
         "residual, µs": lambda p: number(1e6 * evaluation_seconds(comparison, p)["residual"], 3),
         "lowest cost known, f*": best,
     }
@@ -295,19 +299,21 @@ def problems_table(comparison: Comparison) -> Table:
 
 
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
-    found = [comparison.outcomes[i.name, solver] for i in chosen]
-    names = dict.fromkeys(found)
+    outcomes = [comparison.outcomes[i.name, solver] for i in chosen]
+    names = dict.fromkeys(outcomes)
     if len(chosen) == 1:
-        return outcome_words(found[0])
-    return ", ".join(f"{found.count(v)} {outcome_words(v)}" for v in names)
+        return outcome_words(outcomes[0])
+    return ", ".join(f"{outcomes.count(v)} {outcome_words(v)}" for v in names)
 
 
-def _asked(comparison: Comparison) -> tuple[str, ...]:
+def _evaluated_kinds(comparison: Comparison) -> tuple[str, ...]:
     """The kinds of evaluations to tell of: the problem's, and those of constraints if there are."""
-    seen = [record.observed for record in comparison.records.values()]
-    asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
+    observed = [record.observed for record in comparison.records.values()]
+    evaluated = [any(s.counts[k] for s in observed) for k in range(len(KINDS))]
     return tuple(
-        kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]
+        kind
+        for kind, used in zip(KINDS, evaluated, strict=True)
+        if used or kind in KINDS[:LIMITED_KINDS]
     )
 
 
@@ -320,7 +326,7 @@ def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None
     interval = comparison.effort(solver, tau, problem)
     if np.isnan(interval.value):
         return "not counted" if comparison.starts(problem) else "–"
-    if not interval.given or np.isinf(interval.low):
+    if not interval.bounded or np.isinf(interval.low):
         return _amount(interval.value)
     return f"{_amount(interval.value)} ({_amount(interval.low)}–{_amount(interval.high)})"
 
@@ -330,14 +336,14 @@ def _amount(value: float) -> str:
     return f"{value:,.0f}" if 1000 <= value < 1e6 else number(value, 3)
 
 
-GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
+AT_LOWEST = TargetOutcome.REACHED, TargetOutcome.ALONE
 
 
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
     """The analyses of a problem's ends, one for each data set, with the names of its instances."""
     names = {i.name for i in comparison.instances_of(problem)}
-    found = zip(comparison.groups, comparison.end_analyses, strict=True)
-    return [(group, analysis) for group, analysis in found if group[0] in names]
+    analyses = zip(comparison.groups, comparison.end_analyses, strict=True)
+    return [(group, analysis) for group, analysis in analyses if group[0] in names]
 
 
 def outcome_words(outcome: TargetOutcome) -> str:

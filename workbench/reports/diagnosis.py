@@ -63,8 +63,8 @@ def write_diagnosis(
     if profiles:
         text = "\n".join([text, "", "PROFILES", *map(str, profiles)])
     if isinstance(diagnosis, SequenceDiagnosis):
-        found = _findings(diagnosis, title, question)
-        html = page("sequence.html", **found, d=diagnosis, report=diagnosis.report())
+        context = _findings(diagnosis, title, question)
+        html = page("sequence.html", **context, d=diagnosis, report=diagnosis.report())
     else:
         html = diagnosis_page(diagnosis, title, question, body, views, compared, profiles)
     contents = {
@@ -108,10 +108,12 @@ def diagnosis_page(
         parts=parts_table(d),
         compared=None if compared is None else compared.report(),
         profiles=[
-            plotted(6.4, 4.0, plots.plot_profile_likelihood, plots.caption_profile_likelihood, one)
-            for one in profiles
+            plotted(
+                6.4, 4.0, plots.plot_profile_likelihood, plots.caption_profile_likelihood, profile
+            )
+            for profile in profiles
         ],
-        **(_numbers(d, body, views) if d.here.finite else {}),
+        **(_finite_part(d, body, views) if d.here.finite else {}),
     )
 
 
@@ -129,7 +131,7 @@ def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> di
     }
 
 
-def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
+def _finite_part(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
         "scales": str(d.scales),
@@ -277,8 +279,8 @@ def derivatives_table(d: Diagnosis) -> Table:
         rows.append(("left out by J'J", share, "of the exact Hessian, as in Gauss-Newton"))
     for s in check.suspects:
         where = f"{d.problem.row_label(s.row)} by {d.free.label(s.column)}"
-        said = f"given {number(s.given, 6)}, differences {number(s.differences, 6)}"
-        rows.append(("suspect", said, where))
+        values = f"given {number(s.given, 6)}, differences {number(s.differences, 6)}"
+        rows.append(("suspect", values, where))
     return Table(("quantity", "value", "where"), tuple(rows), (1,))
 
 
@@ -325,7 +327,7 @@ DESIGN_FILES = {
 
 
 def write_design(
-    found: MeasurementDesign,
+    design: MeasurementDesign,
     folder: str | Path,
     *,
     title: str,
@@ -336,42 +338,41 @@ def write_design(
 
     The folder appears whole or not at all; raises BadFile if it cannot be written.
     """
-    rows = min(len(found.ranking), MOST_RANKED)
+    rows = min(len(design.ranking), MOST_RANKED)
     ranking = plotted(
         7.4,
         1.2 + 0.21 * rows,
         plots.plot_measurement_ranking,
         plots.caption_measurement_ranking,
-        found,
+        design,
     )
-    text = found.report()
+    text = design.report()
     contents = {
         "index.html": page(
             "design.html",
             title=title,
             question=question,
-            d=found,
-            outcome=outcome(found),
+            d=design,
+            outcome=outcome(design),
             ranking=ranking,
-            report=found.report(),
+            report=design.report(),
             files=DESIGN_FILES,
         ),
         "design.txt": text + "\n",
-        "design.json": json.dumps(found.data(), indent=1, allow_nan=False),
+        "design.json": json.dumps(design.data(), indent=1, allow_nan=False),
     }
-    return write_folder(folder, source, contents, {"title": title, "chosen": list(found.chosen)})
+    return write_folder(folder, source, contents, {"title": title, "chosen": list(design.chosen)})
 
 
-def outcome(found: MeasurementDesign) -> str:
+def outcome(design: MeasurementDesign) -> str:
     """What the choice changes, in a sentence."""
-    unit = "" if found.unit == "1" else f" {found.unit}"
-    if found.after.open:
+    unit = "" if design.unit == "1" else f" {design.unit}"
+    if design.after.open:
         return (
-            f"{found.after.open} of the numbers that matter stay undetermined; "
-            f"{found.before.open} were before."
+            f"{design.after.open} of the numbers that matter stay undetermined; "
+            f"{design.before.open} were before."
         )
-    if found.before.open:
-        return f"what was undetermined has a standard deviation of {found.after.sd:.3g}{unit}."
-    return (
-        f"from {found.before.sd:.3g} to {found.after.sd:.3g}{unit}, {found.gain:.3g} times smaller."
-    )
+    if design.before.open:
+        return f"what was undetermined has a standard deviation of {design.after.sd:.3g}{unit}."
+    before, after = design.before.sd, design.after.sd
+    return f"from {before:.3g} to {after:.3g}{unit}, {design.gain:.3g} times smaller."

@@ -29,13 +29,13 @@ def refuse_foreign(folder: Path, source: str | None = None) -> None:
         raise BadFile(f"{folder} is a file, and a folder is to be written; choose another name")
     if not folder.is_dir() or not any(folder.iterdir()):
         return
-    found = _summary(folder)
-    if found is None:
+    summary = _summary(folder)
+    if summary is None:
         raise BadFile(
             f"{folder} exists and holds no {SUMMARY} of a report, so it is not overwritten; "
             "move it away or choose another folder"
         )
-    before = found.get("source", source)  # what says nothing about its source is not asked
+    before = summary.get("source", source)  # a summary without one is not compared
     if source is not None and before != source:
         held, new = (of or f"the workbench's own {folder.name}" for of in (before, source))
         raise BadFile(
@@ -44,18 +44,23 @@ def refuse_foreign(folder: Path, source: str | None = None) -> None:
         )
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, unless they exist. Raises BadFile."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadFile(
+            f"cannot make the folder {folder}: {error.strerror}; choose another folder"
+        ) from error
+
+
 def own_folder(folder: Path, source: str) -> None:
     """Make a folder to which results are added one by one, unless it is there already.
 
     Raises BadFile as `refuse_foreign` does, and if it cannot be made.
     """
     refuse_foreign(folder, source)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadFile(
-            f"cannot make the folder {folder}: {error.strerror}; choose another with --out"
-        ) from error
+    make_folder(folder)
 
 
 def write_folder(
@@ -84,8 +89,8 @@ def write_folder(
 
 def summary_text(source: str, summary: Mapping[str, Any], files: Sequence[str]) -> str:
     """What is written into SUMMARY: the summary, the versions, and the names of our files."""
-    made = {"made_by": MAKER, "source": source}
-    return as_json({**made, **summary, "versions": versions(), "files": files})
+    origin = {"made_by": MAKER, "source": source}
+    return as_json({**origin, **summary, "versions": versions(), "files": files})
 
 
 @contextmanager
@@ -137,8 +142,8 @@ def _swap(fresh: Path, folder: Path) -> None:
 
 def _take_over(previous: Path, folder: Path) -> None:
     """Move what is not ours from the previous folder to its successor, and remove the rest."""
-    told = (_summary(previous) or {}).get("files")
-    names = told if isinstance(told, list) else []
+    files = (_summary(previous) or {}).get("files")
+    names = files if isinstance(files, list) else []
     ours = {SUMMARY, *(name for name in names if isinstance(name, str))}
     for kept in previous.iterdir():
         if kept.name not in ours and not (folder / kept.name).exists():
@@ -160,10 +165,10 @@ def _recover(folder: Path) -> None:
 def _summary(folder: Path) -> dict[str, Any] | None:
     """What our summary in the folder says, if it holds one."""
     try:
-        found = json_in(folder / SUMMARY)
+        summary = json_in(folder / SUMMARY)
     except BadFile:
         return None
-    return found if isinstance(found, dict) and found.get("made_by") == MAKER else None
+    return summary if isinstance(summary, dict) and summary.get("made_by") == MAKER else None
 
 
 def _unwritable(folder: Path, error: OSError) -> BadFile:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from urllib.parse import quote
 
 import numpy as np
@@ -31,7 +31,7 @@ from workbench.writing import write_arrays, write_file
 FITS_FORMAT = 3  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
 FITS_TABLE = "fits.csv"
-CLOSE = 3.0  # between costs: the density at the other hypothesis is at least exp(-3), a twentieth
+CLOSE_COSTS = 3.0  # apart: the density at the other hypothesis is at least exp(-3), a twentieth
 FITS_COLUMNS = (
     "file",
     "status",
@@ -54,6 +54,8 @@ class ImageFolder:
     Raises BadFile if the folder holds something else, or cannot be made.
     """
 
+    FILES: ClassVar = "images"  # in sentences: images are fitted
+    DONE: ClassVar = "fitted"
     place: Path  # where it is
     work: ImageWork  # how images are read and fitted
     body_name: str  # the body as it was given
@@ -82,38 +84,37 @@ class ImageFolder:
         facts, *others = (self._path(job, kind) for kind in ("json", "npz", "svg"))
         return kept_entry(job.name, key, facts, others)
 
-    def keep(self, found: FittedImage, key: str) -> Entry:
-        """Write the fit of an image, its arrays first, and return its entry.
+    def keep(self, fit: FittedImage, key: str) -> Entry:
+        """Write the fit of an image, and return its entry.
 
-        What was there before counts no longer as soon as its facts, which hold its key, are gone.
+        Facts of before, which hold a key, are removed first, and new ones are written last, so that
+        an interrupt leaves no entry of which a part is missing.
         """
-        self._path(found.job, "json").unlink(missing_ok=True)
-        values, others = found.values, found.others
+        self._path(fit.job, "json").unlink(missing_ok=True)
+        values, others = fit.values, fit.others
         arrays = {name: np.asarray(value) for name, value in values.items()}
         for i, other in enumerate(others):
             arrays |= {f"hypothesis {i + 2}:{name}": np.asarray(v) for name, v in other.items()}
-        write_arrays(self._path(found.job, "npz"), arrays)
+        write_arrays(self._path(fit.job, "npz"), arrays)
         body = self.work.body
-        write_file(self._path(found.job, "svg"), thumbnail(found.picture, body.parents))
+        write_file(self._path(fit.job, "svg"), thumbnail(fit.picture, body.parents))
         betas = values[body.blocks()[1].name]
         height = float(stature(body, betas)) if isinstance(body, SkinnedBody) else None
         facts = {
             "key": key,
-            "status": found.status,
-            "costs": found.costs,
-            "error_px": None if np.isnan(found.error) else found.error,
-            "depth_m": found.depth,
-            "depth_90_m": None
-            if found.interval is None
-            else (found.interval.low, found.interval.high),
+            "status": fit.status,
+            "costs": fit.costs,
+            "error_px": None if np.isnan(fit.error) else fit.error,
+            "depth_m": fit.depth,
+            "depth_90_m": None if fit.interval is None else (fit.interval.low, fit.interval.high),
             "height_m": height,
-            "seconds": found.seconds,
-            "warnings": found.doubts,
-            "notes": found.notes,
+            "seconds": fit.seconds,
+            "warnings": fit.doubts,
+            "notes": fit.notes,
         }
         text = as_json(facts)
-        write_file(self._path(found.job, "json"), text)
-        return Entry(found.job.name, json.loads(text))
+        write_file(self._path(fit.job, "json"), text)
+        return Entry(fit.job.name, json.loads(text))
 
     def finish(self, entries: Sequence[Entry], failed: Sequence[FailedFile]) -> Path:
         """Write the page, the table and `poses.npz` of all images; returns the page."""
@@ -125,7 +126,7 @@ class ImageFolder:
             title=f"{self.body_name} in {len(entries)} images",
             rows=[_fit_row(entry) for entry in entries],
             failed=failed,
-            ambiguous=sum(costs[1] - costs[0] < CLOSE for costs in several),
+            ambiguous=sum(costs[1] - costs[0] < CLOSE_COSTS for costs in several),
             hypotheses=self.work.hypotheses,
             doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
             found=INTERVAL_NOTE,
@@ -141,11 +142,11 @@ class ImageFolder:
         rows: dict[str, list[Any]] = {block.name: [] for block in blocks}
         for entry in entries:
             with opened(self.place / FITS / f"{entry.name}.npz", "fit", "fit it again") as archive:
-                for name, found in read_expected(archive, expected).items():
-                    rows[name].append(found)
+                for name, array in read_expected(archive, expected).items():
+                    rows[name].append(array)
         if entries:
             files = np.array([entry.name for entry in entries])
-            stacked = {name: np.array(found) for name, found in rows.items()}
+            stacked = {name: np.array(array) for name, array in rows.items()}
             write_arrays(self.place / "poses.npz", {**stacked, "file": files})
 
     def _path(self, job: FileJob, kind: str) -> Path:
@@ -159,7 +160,7 @@ class ImageFolder:
             "hypotheses": self.work.hypotheses,
             "images": [entry.name for entry in entries],
             "warnings": {e.name: e.facts["warnings"] for e in entries if e.facts["warnings"]},
-            "failed": {one.job.name: one.reason for one in failed},
+            "failed": {failure.job.name: failure.reason for failure in failed},
         }
         files = ["index.html", FITS_TABLE, "poses.npz", SUMMARY]
         write_file(self.place / SUMMARY, summary_text(self.source, about, files))
@@ -169,28 +170,28 @@ def fits_csv(entries: Sequence[Entry]) -> str:
     """The table of all images (.csv)."""
     rows = []
     for entry in entries:
-        told = entry.facts
-        costs, ends = [*told["costs"], None], told["depth_90_m"] or (None, None)
-        row = (entry.name, told["status"], *costs[:2], told["error_px"], told["depth_m"], *ends)
-        rows.append((*row, told["height_m"], told["seconds"], "; ".join(told["warnings"])))
+        facts = entry.facts
+        costs, ends = [*facts["costs"], None], facts["depth_90_m"] or (None, None)
+        row = (entry.name, facts["status"], *costs[:2], facts["error_px"], facts["depth_m"], *ends)
+        rows.append((*row, facts["height_m"], facts["seconds"], "; ".join(facts["warnings"])))
     return csv_text(FITS_COLUMNS, rows)
 
 
 def _fit_row(entry: Entry) -> dict[str, Any]:
-    told = entry.facts
-    costs, ends = told["costs"], told["depth_90_m"]
+    facts = entry.facts
+    costs, ends = facts["costs"], facts["depth_90_m"]
     return {
         "name": entry.name,
-        "status": told["status"].lower().replace("_", " "),
+        "status": facts["status"].lower().replace("_", " "),
         "cost": number(costs[0], 4),
         "next": number(costs[1] - costs[0], 3) if len(costs) > 1 else "–",
-        "error": "–" if told["error_px"] is None else number(told["error_px"], 3),
-        "depth": f"{told['depth_m']:.2f}",
+        "error": "–" if facts["error_px"] is None else number(facts["error_px"], 3),
+        "depth": f"{facts['depth_m']:.2f}",
         "ends": "–" if ends is None else f"{ends[0]:.2f} to {ends[1]:.2f}",
         "picture": quote(f"{FITS}/{entry.name}.svg"),
-        "height": "–" if told["height_m"] is None else f"{told['height_m']:.2f}",
-        "warnings": told["warnings"],
-        "notes": told["notes"],
+        "height": "–" if facts["height_m"] is None else f"{facts['height_m']:.2f}",
+        "warnings": facts["warnings"],
+        "notes": facts["notes"],
     }
 
 
@@ -205,12 +206,15 @@ class RegistrationFolder:
     Raises BadFile if the folder holds something else, or cannot be made.
     """
 
+    FILES: ClassVar = "scans"  # in sentences: scans are registered
+    DONE: ClassVar = "registered"
     place: Path  # where it is
     body: Body  # the body whose template is registered
     body_name: str  # as it was given
     recipe: Recipe  # how scans are registered
     reading: Reading  # how their files are read
     source: str  # what was given, by which the folder is known as ours
+    rows: Mapping[str, Row]  # for training: subject, gender and set, by the scan's name
 
     def __post_init__(self) -> None:
         own_folder(self.place, self.source)
@@ -229,25 +233,24 @@ class RegistrationFolder:
         folder = self.place / job.name
         return kept_entry(job.name, key, folder / SUMMARY, [folder / ARRAYS])
 
-    def keep(self, found: RegisteredScan, key: str) -> Entry:
+    def keep(self, registered: RegisteredScan, key: str) -> Entry:
         """Write the folder of a scan, and return its entry."""
-        folder = self.place / found.job.name
-        write_registration(found, folder, body=self.body_name, key=key)
-        entry = self.kept(found.job, key)
+        folder = self.place / registered.job.name
+        write_registration(registered, folder, body=self.body_name, key=key)
+        entry = self.kept(registered.job, key)
         assert entry is not None  # it has just been written
         return entry
 
-    def finish(
-        self, entries: Sequence[Entry], rows: Sequence[Row], failed: Sequence[FailedScan]
-    ) -> Path:
+    def finish(self, entries: Sequence[Entry], failed: Sequence[FailedScan]) -> Path:
         """Write the page over all scans and, for training, the table of subjects and the body.
 
-        `rows` has for each entry its subject, its gender and its set. Returns the page. Without
-        entries there is no table.
+        Returns the page. Without entries there is no table.
         """
         write_file(self.place / "index.html", self._page(entries, failed))
         if entries:
-            write_file(self.place / TABLE, subjects_csv(rows))
+            write_file(
+                self.place / TABLE, subjects_csv([self.rows[entry.name] for entry in entries])
+            )
         if isinstance(self.body, SkinnedBody):
             save_body(self.body, self.place / START)
         else:
@@ -271,31 +274,31 @@ class RegistrationFolder:
             "kind": "registrations",
             "body": self.body_name,
             "scans": [entry.name for entry in entries],
-            "failed": {one.job.name: one.reason for one in failed},
+            "failed": {failure.job.name: failure.reason for failure in failed},
         }
         files = ["index.html", TABLE, START, SUMMARY]
         write_file(self.place / SUMMARY, summary_text(self.source, about, files))
 
 
-def _size(told: Mapping[str, Any]) -> str:
+def _size(facts: Mapping[str, Any]) -> str:
     """Which size a summary tells: the height of a person, or the length of a hand."""
-    return HEIGHT if f"{HEIGHT}_m" in told else LENGTH
+    return HEIGHT if f"{HEIGHT}_m" in facts else LENGTH
 
 
 def _registration_row(entry: Entry) -> dict[str, Any]:
-    told = entry.facts
+    facts = entry.facts
     return {
         "name": entry.name,
-        "median": "–" if told["median_m"] is None else number(MM * told["median_m"], 3),
-        "touching": f"{100 * told['touching']:.0f} %",
-        "hidden": f"{100 * (1 - told['seen']):.0f} %",
-        "size": f"{told[f'{_size(told)}_m']:.2f}",
-        "seconds": number(told["seconds"], 3),
-        "warnings": told["warnings"],
+        "median": "–" if facts["median_m"] is None else number(MM * facts["median_m"], 3),
+        "touching": f"{100 * facts['touching']:.0f} %",
+        "hidden": f"{100 * (1 - facts['seen']):.0f} %",
+        "size": f"{facts[f'{_size(facts)}_m']:.2f}",
+        "seconds": number(facts["seconds"], 3),
+        "warnings": facts["warnings"],
     }
 
 
-TALL, MARGIN = 120.0, 8.0  # px of the picture, and of it around the person
+PICTURE_HEIGHT, MARGIN = 120.0, 8.0  # px of the picture, and of it around the person
 
 
 def thumbnail(picture: FittedPicture, parents: Sequence[int]) -> str:
@@ -307,7 +310,9 @@ def thumbnail(picture: FittedPicture, parents: Sequence[int]) -> str:
     inside = np.concatenate([picture.joints, picture.observed[seen]])
     inside = inside[np.isfinite(inside).all(axis=1)]
     low, high = (inside.min(axis=0), inside.max(axis=0)) if len(inside) else (np.zeros(2),) * 2
-    scale = (TALL - 2 * MARGIN) / max(float(high[1] - low[1]), float(high[0] - low[0]), 1.0)
+    scale = (PICTURE_HEIGHT - 2 * MARGIN) / max(
+        float(high[1] - low[1]), float(high[0] - low[0]), 1.0
+    )
     size = scale * (high - low) + 2 * MARGIN
 
     def placed(points: Array) -> Array:

@@ -28,7 +28,7 @@ from workbench.plots import (
     smallest,
 )
 from workbench.plots.palette import solver_styles
-from workbench.plots.style import drawn as figure_of
+from workbench.plots.style import figure_of
 from workbench.reading.facts import json_in
 from workbench.solvers import SOLVERS
 
@@ -139,14 +139,14 @@ class Entry:
     facts: dict[str, Any]  # the numbers of its page, and the key of everything that they depend on
 
 
-def kept_entry(name: str, key: str, facts: Path, arrays: Sequence[Path]) -> Entry | None:
+def kept_entry(name: str, key: str, path: Path, arrays: Sequence[Path]) -> Entry | None:
     """The entry that a file of facts holds; None if it is of another key, or a file is missing."""
     try:
-        found = json_in(facts)
+        facts = json_in(path)
     except BadFile:
         return None
-    whole = isinstance(found, dict) and all(file.is_file() for file in arrays)
-    return Entry(name, found) if whole and found.get("key") == key else None
+    whole = isinstance(facts, dict) and all(file.is_file() for file in arrays)
+    return Entry(name, facts) if whole and facts.get("key") == key else None
 
 
 def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

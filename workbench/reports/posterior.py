@@ -31,31 +31,31 @@ def write_posterior(
     source: str | None = None,
 ) -> Path:
     """Write the folder, and return its page; it is written whole or not at all. Raises BadFile."""
-    named = dict(zip(anchors([part.name for part in parts]), parts, strict=True))
+    by_anchor = dict(zip(anchors([part.name for part in parts]), parts, strict=True))
     files = {"index.html": "this page", "posterior.txt": "the verdicts and numbers as text"}
-    for anchor, part in named.items():
+    for anchor, part in by_anchor.items():
         files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
-    against = contradictions(setup, [part.posterior for part in parts])
+    doubts = contradictions(setup, [part.posterior for part in parts])
     html = page(
         "posterior.html",
         title=title,
         question=setup.question,
         summary=blocks_table(parts, setup),
         synthetic=setup.made_of is not None,
-        contradictions=against,
+        contradictions=doubts,
         conditional=any(part.posterior.conditional for part in parts),
-        sections={anchor: _section(part, setup) for anchor, part in named.items()},
-        recordings=_recordings(named, setup),
+        sections={anchor: _section(part, setup) for anchor, part in by_anchor.items()},
+        recordings=_recordings(by_anchor, setup),
         files=files,
     )
-    doubts = "".join(f"{text[0].upper()}{text[1:]}.\n\n" for text in against)
-    text = f"{doubts}{posterior_text(parts, setup)}\n"
+    sentences = "".join(f"{text[0].upper()}{text[1:]}.\n\n" for text in doubts)
+    text = f"{sentences}{posterior_text(parts, setup)}\n"
     contents: dict[str, Content] = {"index.html": html, "posterior.txt": text}
-    for anchor, part in named.items():
+    for anchor, part in by_anchor.items():
         contents[f"{anchor}.npz"] = partial(_save_draws, part.posterior)
     numbers = {part.name: _summary(part.posterior, setup) for part in parts}
-    summary = {"kind": "posterior", "title": title, "warnings": against, "parts": numbers}
+    summary = {"kind": "posterior", "title": title, "warnings": doubts, "parts": numbers}
     return write_folder(folder, source, contents, summary)
 
 
@@ -86,15 +86,15 @@ def _beside_laplace(p: Posterior, laplace: Posterior) -> list[str]:
 
 def _recordings(parts: Mapping[str, BlockPosterior], setup: Setup) -> dict[str, Recording]:
     """Of the posteriors whose chains have mixed, bodies drawn from each."""
-    found = {}
+    recordings = {}
     for anchor, part in parts.items():
         p, body = part.posterior, setup.body
         if not p.mixed:
             continue
         recording = recorded_posterior(p, part.name, body, setup.views, setup.start)
         if recording is not None:
-            found[anchor] = recording
-    return found
+            recordings[anchor] = recording
+    return recordings
 
 
 def _save_draws(p: Posterior, path: Path) -> None:
@@ -118,7 +118,7 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
     E, _, W, k = p.draws.shape
     m, chains = p.mixing, f"{E} independent ensembles of {W} walkers"
     if p.method == "hamiltonian":
-        chains = f"Hamiltonian Monte Carlo of all free numbers: {E} groups of {W} chains"
+        chains = f"Hamiltonian Monte Carlo of all unknowns: {E} groups of {W} chains"
     section = {
         "part": part,
         "how": f"{k} entries; {chains}, {m.steps:,} steps after "
@@ -141,22 +141,22 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
 
 
 def _modes(p: Posterior) -> str:
-    said = f"Modes: {p.mode_search}."
+    sentence = f"Modes: {p.mode_search}."
     if len(p.modes) < 2:
-        return said
+        return sentence
     shares = ", ".join(f"{mode.share:.0%}" for mode in p.modes)
-    return f"{said} They have {shares} of the mass, by Laplace's approximation at each."
+    return f"{sentence} They have {shares} of the mass, by Laplace's approximation at each."
 
 
 def anchors(names: Iterable[str]) -> list[str]:
     """For each name a word of letters and digits, with a number where they would be the same."""
-    found: dict[str, str] = {}
+    words: dict[str, str] = {}
     for name in names:
         word = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-") or "block"
-        if word.lower() in found:
-            word += f"-{len(found) + 1}"
-        found[word.lower()] = word
-    return list(found.values())
+        if word.lower() in words:
+            word += f"-{len(words) + 1}"
+        words[word.lower()] = word
+    return list(words.values())
 
 
 def _summary(p: Posterior, setup: Setup) -> dict[str, Any]:
@@ -200,22 +200,22 @@ def contradictions(setup: Setup, posteriors: Sequence[Posterior] = ()) -> list[s
 
     Of draws from a prior of m whitened Gaussian rows, the sum of squares is chi-square of m.
     """
-    problem, found = setup.problem, list(dict.fromkeys(p.doubt for p in posteriors if p.doubt))
+    problem, doubts = setup.problem, list(dict.fromkeys(p.doubt for p in posteriors if p.doubt))
     if setup.made_of is None:
-        return found
+        return doubts
     whitened = problem.residual(*problem.split({**setup.start, **setup.made_of}))
     for name in setup.priors:
         rows = whitened[problem.rows[name]]
         m, total = len(rows), float(rows @ rows)
         if scipy.special.chdtrc(m, total) < UNLIKELY:
-            found.append(
+            doubts.append(
                 f"the synthetic truth contradicts the {name}: the sum of its {m} squares there is "
                 f"{total:,.0f}, where draws from that prior have {m} on average, and more than "
                 f"{scipy.special.chdtri(m, UNLIKELY):,.0f} once in {1 / UNLIKELY:,.0f} times. The "
                 "posterior believes the prior, so its intervals will hold this truth less often "
                 "than they say"
             )
-    return found
+    return doubts
 
 
 def truths_inside(p: Posterior, setup: Setup) -> int | None:
@@ -246,19 +246,19 @@ def blocks_table(parts: Sequence[BlockPosterior], setup: Setup) -> Table:
     if setup.made_of is not None:
         inside = [truths_inside(p, setup) for p in posteriors]
         columns["truths in 90 %"] = [
-            "–" if one is None else f"{one} of {p.size}"
-            for one, p in zip(inside, posteriors, strict=True)
+            "–" if count is None else f"{count} of {p.size}"
+            for count, p in zip(inside, posteriors, strict=True)
         ]
     right = [i for i, name in enumerate(columns) if name in ("entries", "ratio", "ESS", "R-hat")]
-    columns["other free numbers"] = [p.rest for p in posteriors]
+    columns["other unknowns"] = [p.rest for p in posteriors]
     return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), tuple(right))
 
 
 def _median(p: Posterior, setup: Setup) -> str:
     if not p.mixed:
         return "–"
-    found = p.contraction(setup.priors)
-    known = found[np.isfinite(found)]
+    contraction = p.contraction(setup.priors)
+    known = contraction[np.isfinite(contraction)]
     return f"{np.median(known):.2f}" if len(known) else "no prior known"
 
 
@@ -279,7 +279,7 @@ def posterior_entries(p: Posterior, rows: tuple[EntryComparison, ...], setup: Se
             columns["marginal sd"] = [number(float(sd), 2) for sd in held.marginal]
             columns["ratio"] = [number(float(ratio), 2) for ratio in held.ratios]
     if truth is not None:
-        columns["truth (synthetic)"] = [number(float(one), 3) for one in truth]
+        columns["truth (synthetic)"] = [number(float(value), 3) for value in truth]
     columns["autocorrelation time (steps)"] = [number(float(time), 2) for time in p.mixing.times]
     columns["ESS"] = [f"{count:,.0f}" for count in p.mixing.effective]
     columns["R-hat"] = [f"{scale:.3f}" for scale in p.mixing.scales]
@@ -287,7 +287,7 @@ def posterior_entries(p: Posterior, rows: tuple[EntryComparison, ...], setup: Se
     if p.mixed:
         columns["sd / Laplace's"] = [number(row.ratio, 2) for row in rows]
         columns["beside Laplace"] = [row.remark for row in rows]
-        bars = p.contraction(setup.priors)
-        if np.isfinite(bars).any():
-            columns["contraction"] = [number(float(one), 2) for one in bars]
+        contraction = p.contraction(setup.priors)
+        if np.isfinite(contraction).any():
+            columns["contraction"] = [number(float(value), 2) for value in contraction]
     return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), numbers)

@@ -20,30 +20,40 @@ from workbench.plots.scans import (
     plot_joint_cost,
     registered_scan_sheet,
 )
-from workbench.plots.style import drawn as figure_of
+from workbench.plots.style import figure_of
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
 from workbench.registration.coregistration import Coregistration, TriangleCoregistration
 from workbench.registration.coregistration.folder import (
-    BODY,
-    SCAN,
+    BODY_FILE,
+    SCAN_FILE,
     RegisteredScans,
     beyond_betas,
     distances,
 )
 from workbench.reports.folder import SUMMARY, Content, summary_text, write_folder
-from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
+from workbench.reports.page import (
+    Columns,
+    Shown,
+    Table,
+    csv_text,
+    drawn,
+    number,
+    page,
+    plotted,
+    shown,
+)
 from workbench.reports.replay import recorded_registration
 from workbench.reports.run import measurements_summary, measurements_table
 from workbench.training.folder import COLUMNS, TABLE, Row
 from workbench.writing import write_arrays, write_file
 
 ARRAYS, MESH = "registration.npz", "registration.ply"
-FORMAT = 2  # of what is kept; raise it when these files change, so that none of before is taken
+FORMAT = 2  # of what is kept; raise it when these files change, so that older ones are not reused
 FILES = {
     "index.html": "this page",
     ARRAYS: "vertices, faces and confidence, as `workbench train` reads them; pose, betas and "
     "trans of the body; the standard deviation of each vertex",
-    SCAN: "the points that were registered, their normals and areas if they are known, for "
+    SCAN_FILE: "the points that were registered, their normals and areas if they are known, for "
     "`workbench coregister`",
     MESH: "the registered surface, with the vertices and faces of the template, in metres",
     SUMMARY: "the numbers of this page, for programs",
@@ -52,7 +62,7 @@ MM = 1e3
 
 
 def write_registration(
-    found: RegisteredScan,
+    registered: RegisteredScan,
     folder: str | Path,
     *,
     body: str,
@@ -66,100 +76,96 @@ def write_registration(
     ours about another file is replaced. Raises BadFile if the place cannot be written or holds
     something else.
     """
-    one = found.registration
+    registration = registered.registration
     contents: dict[str, Content] = {
-        "index.html": registration_page(found, body),
-        ARRAYS: lambda path: write_arrays(path, arrays(one)),
-        SCAN: lambda path: write_arrays(path, points(one.scan)),
-        MESH: lambda path: write_mesh(path, one.vertices, one.faces),
+        "index.html": registration_page(registered, body),
+        ARRAYS: lambda path: write_arrays(path, arrays(registration)),
+        SCAN_FILE: lambda path: write_arrays(path, points(registration.scan)),
+        MESH: lambda path: write_mesh(path, registration.vertices, registration.faces),
     }
-    return write_folder(folder, source, contents, summary(found, body, key))
+    return write_folder(folder, source, contents, summary(registered, body, key))
 
 
-def arrays(one: Registration) -> dict[str, NDArray[Any]]:
+def arrays(registration: Registration) -> dict[str, NDArray[Any]]:
     """The arrays of a registration by name. Vertices that were not seen have the confidence 0."""
     return {
-        "vertices": one.vertices,
-        "faces": one.faces,
-        "confidence": one.seen.astype(np.float64),
-        **one.values,
-        "model": one.model,
-        "sd": one.sd,
+        "vertices": registration.vertices,
+        "faces": registration.faces,
+        "confidence": registration.seen.astype(np.float64),
+        **registration.values,
+        "model": registration.model,
+        "sd": registration.sd,
     }
 
 
 def points(scan: Scan) -> dict[str, NDArray[Any]]:
     """The arrays of a scan by name; single precision tells apart less than a micrometre."""
-    found = {"points": scan.points, "normals": scan.normals, "areas": scan.weights}
-    return {name: array.astype(np.float32) for name, array in found.items() if array is not None}
+    named = {"points": scan.points, "normals": scan.normals, "areas": scan.weights}
+    return {name: array.astype(np.float32) for name, array in named.items() if array is not None}
 
 
-def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
+def summary(registered: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
     """The numbers of the page, for programs: lengths in m, times in s."""
-    one = found.registration
-    last = one.stages[-1]
+    registration = registered.registration
+    last = registration.stages[-1]
     return {
         "kind": "registration",
         "key": key,
-        "scan": found.job.name,
-        "file": str(found.job.path.resolve()),
+        "scan": registered.job.name,
+        "file": str(registered.job.path.resolve()),
         "body": body,
-        "points": one.scan.n_points,
-        "left_out": one.left_out,
+        "points": registration.scan.n_points,
+        "left_out": registration.left_out,
         "median_m": last.median,
         "touching": last.touching,
-        "seen": float(one.seen.mean()),
-        f"{one.size.name}_m": one.size.metres,
-        "measurements": measurements_summary(one.measurements),
-        "seconds": sum(stage.seconds for stage in one.stages),
-        "warnings": list(one.doubts),
-        "notes": list(found.notes),
+        "seen": float(registration.seen.mean()),
+        f"{registration.size.name}_m": registration.size.metres,
+        "measurements": measurements_summary(registration.measurements),
+        "seconds": sum(stage.seconds for stage in registration.stages),
+        "warnings": list(registration.doubts),
+        "notes": list(registered.notes),
     }
 
 
-def registration_page(found: RegisteredScan, body: str) -> str:
+def registration_page(registered: RegisteredScan, body: str) -> str:
     """The page of a registered scan."""
-    one = found.registration
+    registration = registered.registration
     return page(
         "registration.html",
-        title=f"{body} on {found.job.path.name}",
-        facts=_facts(one),
-        warnings=one.doubts,
-        notes=found.notes,
-        scan=shown(
-            registered_scan_sheet(
-                one.vertices, one.faces, one.scan.points, one.distances, one.touching, one.facing
-            ),
-            caption_registered_scan(one.distances, one.touching),
-        ),
-        measurements=measurements_table(one.measurements),
-        stages=stages_table(one),
-        moved=MM * float(np.linalg.norm(one.vertices - one.model, axis=1).mean()),
-        others=others_table(one),
+        title=f"{body} on {registered.job.path.name}",
+        facts=_facts(registration),
+        warnings=registration.doubts,
+        notes=registered.notes,
+        scan=drawn(registered_scan_sheet, caption_registered_scan, registration),
+        measurements=measurements_table(registration.measurements),
+        stages=stages_table(registration),
+        moved=MM * float(np.linalg.norm(registration.vertices - registration.model, axis=1).mean()),
+        others=others_table(registration),
         files=FILES,
-        recording=recorded_registration(one),
+        recording=recorded_registration(registration),
     )
 
 
-def _facts(one: Registration) -> dict[str, str]:
-    betas = list(one.values.values())[1]
-    left = f"; {one.left_out:,} at the boundary were left out" if one.left_out else ""
-    hidden, known = ~one.seen, ""
+def _facts(registration: Registration) -> dict[str, str]:
+    betas = list(registration.values.values())[1]
+    left_out = registration.left_out
+    without = f"; {left_out:,} at the boundary were left out" if left_out else ""
+    hidden, known = ~registration.seen, ""
     if hidden.any():
-        off = MM * float(np.sqrt(np.mean(one.sd[hidden] ** 2)))
+        off = MM * float(np.sqrt(np.mean(registration.sd[hidden] ** 2)))
         known = f"; they rest on the priors, with a standard deviation of {off:.0f} mm"
     return {
-        "points used": f"{one.scan.n_points:,}{left}",
-        "in contact": f"{100 * one.stages[-1].touching:.0f} %",
-        "their median distance": f"{MM * one.median:.1f} mm",
-        "vertices not seen": f"{hidden.sum():,} of {len(one.seen):,}{known}",
-        f"{one.size.name} at rest": f"{one.size.metres:.2f} m",
+        "points used": f"{registration.scan.n_points:,}{without}",
+        "in contact": f"{100 * registration.stages[-1].touching:.0f} %",
+        "their median distance": f"{MM * registration.median:.1f} mm",
+        "vertices not seen": f"{hidden.sum():,} of {len(registration.seen):,}{known}",
+        f"{registration.size.name} at rest": f"{registration.size.metres:.2f} m",
         "length of the betas": f"{np.linalg.norm(betas):.1f} standard deviations",
-        "time": f"{sum(stage.seconds for stage in one.stages):.1f} s",
+        "time": f"{sum(stage.seconds for stage in registration.stages):.1f} s",
     }
 
 
-def stages_table(one: Registration) -> Table:
+def stages_table(registration: Registration) -> Table:
     """How each stage ended."""
     columns: Columns[StageOutcome] = {
         "stage": lambda stage: stage.name,
@@ -170,23 +176,23 @@ def stages_table(one: Registration) -> Table:
         "median (mm)": lambda stage: number(MM * stage.median, 3),
         "time (s)": lambda stage: number(stage.seconds, 3),
     }
-    return Table.of(one.stages, columns, tuple(range(1, 7)))
+    return Table.of(registration.stages, columns, tuple(range(1, 7)))
 
 
-def others_table(one: Registration) -> Table | None:
+def others_table(registration: Registration) -> Table | None:
     """The other ends of the fit of the body; None if there were none."""
-    if not one.others:
+    if not registration.others:
         return None
     columns: Columns[tuple[int, OtherEnd]] = {
         "end": lambda of: str(of[0]),
         "cost above the best": lambda of: f"{100 * of[1].excess:.1f} %",
         "vertices differ by (mm)": lambda of: number(MM * of[1].apart, 3),
     }
-    return Table.of(enumerate(one.others, start=2), columns, (0, 1, 2))
+    return Table.of(enumerate(registration.others, start=2), columns, (0, 1, 2))
 
 
 REGISTRATIONS, LEARNED = "registrations", "body.npz"
-TOGETHER = {
+JOINT_FILES = {
     "index.html": "this page",
     LEARNED: "the body that was learned, with its model card in it",
     REGISTRATIONS + "/": "the registrations, as workbench train reads them",
@@ -194,7 +200,7 @@ TOGETHER = {
     "does not continue: remove it to start anew",
     SUMMARY: "the numbers of this page, for programs",
 }
-DRAWN = 6  # people in the figure
+MOST_TEMPLATES = 6  # people in the figure
 
 
 def write_coregistration(
@@ -223,7 +229,7 @@ def write_coregistration(
         for name, row in zip(names, scans.rows, strict=True)
     ]
     write_file(registrations / TABLE, subjects_csv(rows))
-    for path, body in ((registrations / BODY, start), (place / LEARNED, learned)):
+    for path, body in ((registrations / BODY_FILE, start), (place / LEARNED, learned)):
         save_body(body, path)
     measured = distances(scans, start, state.vertices)
     away = beyond_betas(start, state.templates)
@@ -240,7 +246,7 @@ def write_coregistration(
         "median_m": {name: each.tolist() for name, each in measured.items()},
         "beyond_betas_m": away.mean(axis=1).tolist(),
     }
-    write_file(place / SUMMARY, summary_text(source, numbers, list(TOGETHER)))
+    write_file(place / SUMMARY, summary_text(source, numbers, list(JOINT_FILES)))
     return place / "index.html"
 
 
@@ -251,7 +257,8 @@ def subjects_csv(rows: Sequence[Row]) -> str:
 
 def begin_folder(place: Path, source: str) -> None:
     """Mark a folder as that of a coregistration of `source`, before there is a result."""
-    write_file(place / SUMMARY, summary_text(source, {"kind": "coregistration"}, list(TOGETHER)))
+    summary = summary_text(source, {"kind": "coregistration"}, list(JOINT_FILES))
+    write_file(place / SUMMARY, summary)
 
 
 def coregistration_page(
@@ -271,15 +278,15 @@ def coregistration_page(
         rows=len(scans.rows),
         people=len(subjects),
         rounds=problem.plan.rounds,
-        doubted=[f"{n}, by itself: {d}" for n, told in scans.doubts().items() for d in told],
+        doubted=[f"{n}, by itself: {d}" for n, doubts in scans.doubts().items() for d in doubts],
         folder=place,
         cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, state.log),
         templates=_templates(start, state.templates, subjects, away),
         subjects=Table(
             ("person", "scans", "beyond betas, mean (mm)", "at most (mm)"),
             tuple(
-                (name, str(n), number(one.mean(), 3), number(one.max(), 3))
-                for name, n, one in zip(subjects, counts, away, strict=True)
+                (name, str(n), number(d.mean(), 3), number(d.max(), 3))
+                for name, n, d in zip(subjects, counts, away, strict=True)
             ),
             (1, 2, 3),
         ),
@@ -291,18 +298,18 @@ def coregistration_page(
             ),
             (2, 3, 4),
         ),
-        files=TOGETHER,
+        files=JOINT_FILES,
     )
 
 
 def _templates(start: SkinnedBody, templates: Array, names: Sequence[str], away: Array) -> Shown:
     """The first people's templates, coloured by what betas do not reach."""
-    each = zip(names, templates[:DRAWN], away, strict=False)
-    coloured = [(Figurine(name, T, front), d) for name, T, d in each]
+    people = zip(names, templates[:MOST_TEMPLATES], away, strict=False)
+    coloured = [(Figurine(name, T, front), d) for name, T, d in people]
     end = float(np.percentile(away, 98))
     label = "from the nearest shape of the starting body (mm)"
     draw = partial(line_up_coloured, coloured, start.faces, end, label)
-    more = "" if len(names) <= DRAWN else f" of the first {DRAWN} people"
+    more = "" if len(names) <= MOST_TEMPLATES else f" of the first {MOST_TEMPLATES} people"
     caption = (
         f"The templates{more}, coloured by their distance from the nearest shape that betas of the "
         "starting body reach: what was learned about a person that this body could not say. Look "

@@ -36,10 +36,10 @@ from workbench.solvers import SOLVERS, Solution
 from workbench.solvers.abilities import refuse
 from workbench.writing import write_file
 
-HEIGHT = 680  # px of the frame in a notebook
-DEFAULT = "default"  # the body that a motion is shown on
-WITHOUT = "This page needs a browser with scripts and WebGL 2 to show the body."
-SHOWN = "an outcome of a run, a Motion, a Registration, a Solution, a Diagnosis or a Posterior"
+FRAME_HEIGHT = 680  # px of the frame in a notebook
+DEFAULT_BODY = "default"  # the body that a motion is shown on
+NO_WEBGL = "This page needs a browser with scripts and WebGL 2 to show the body."
+SHOWABLE = "an outcome of a run, a Motion, a Registration, a Solution, a Diagnosis or a Posterior"
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class ReplayPage:
         """The page in a frame that may run its own scripts and reach nothing else."""
         return (
             f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" title="replay" '
-            f'style="width: 100%; height: {HEIGHT}px; border: 0"></iframe>'
+            f'style="width: 100%; height: {FRAME_HEIGHT}px; border: 0"></iframe>'
         )
 
     def save(self, path: str | Path) -> Path:
@@ -101,11 +101,11 @@ def _recorded(
     if isinstance(what, Outcome):
         return recorded_run(what)
     if isinstance(what, Motion):
-        return recorded_motion(what, load_body(DEFAULT) if body is None else body)
+        return recorded_motion(what, load_body(DEFAULT_BODY) if body is None else body)
     if isinstance(what, Registration):
         return recorded_registration(what)
     if not isinstance(what, Solution | Diagnosis | Posterior):
-        raise BadArgument(f"what can be shown is {SHOWN}, not {what!r:.60}")
+        raise BadArgument(f"what can be shown is {SHOWABLE}, not {what!r:.60}")
     if body is None:
         raise BadArgument(f"a {type(what).__name__} does not know its body; give body=...")
     if isinstance(what, Diagnosis):
@@ -121,7 +121,7 @@ def _recorded(
 
 def replay_page(recording: Recording, title: str = "", said: Sequence[str] = ()) -> ReplayPage:
     """A page with a replay, sentences above it, and nothing else."""
-    text = page("replay_page.html", title=title, said=said, recording=recording, without=WITHOUT)
+    text = page("replay_page.html", title=title, said=said, recording=recording, without=NO_WEBGL)
     return ReplayPage(text, recording.caption)
 
 
@@ -139,7 +139,7 @@ def motion_page(
     if recording is None:
         raise NotSupported(
             f"a page cannot pose body {body.name!r}; take a skinned body of SMPL's form, such as "
-            f"{DEFAULT}"
+            f"{DEFAULT_BODY}"
         )
     count = f"{len(motion):,} frames at {motion.fps:g} frames a second, {motion.seconds:.2f} s"
     notes = tuple(f"{note[0].upper()}{note[1:]}." for note in motion.named(body).notes if note)
@@ -160,7 +160,7 @@ def flat_page(script: Path, data: Mapping[str, Any], caption: str) -> ReplayPage
     return ReplayPage(html, caption)
 
 
-OFFERED = 12  # solvers on a page at most, those that the problem compares first
+MOST_SOLVERS = 12  # solvers on a page at most, those that the problem compares first
 
 
 def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
@@ -174,10 +174,10 @@ def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
     if recording is None:
         raise BadArgument(f"a page cannot pose the body of {name}; take a skinned body of SMPL's")
     order = dict.fromkeys((*setup.compared, *SOLVERS))
-    able = [one for one in order if _takes(one, setup)][:OFFERED]
+    able = [solver for solver in order if _takes(solver, setup)][:MOST_SOLVERS]
     solvers = {
-        one: SOLVERS[one] if setup.strategy is None else setup.strategy(SOLVERS[one])
-        for one in able
+        solver: SOLVERS[solver] if setup.strategy is None else setup.strategy(SOLVERS[solver])
+        for solver in able
     }
     text = page("live.html", title=name, question=setup.question, recording=recording, solvers=able)
     warm_up(setup, solvers.values())  # so that no press waits

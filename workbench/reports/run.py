@@ -88,7 +88,7 @@ def diagnosis_text(outcome: Outcome) -> str:
 def run_page(outcome: Outcome, files: dict[str, str]) -> str:
     """The page of a run."""
     solution, diagnosis = outcome.solution, outcome.diagnosis
-    advice, message = ending_said(solution)
+    advice, message = ending_in_sentences(solution)
     return page(
         "run.html",
         title=outcome.name,
@@ -96,16 +96,16 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         setup=outcome.setup,
         solution=solution,
         diagnosis=diagnosis,
-        truth=truth_called(outcome),
+        truth=truth_name(outcome),
         measures=measures_table(outcome.measures),
         measurements=measurements_table(outcome.measurements),
         status=solution.status.name.lower().replace("_", " "),
-        better=better_said(outcome),
-        interrupted=interrupted_said(outcome),
+        better=better_sentence(outcome),
+        interrupted=interruption_sentence(outcome),
         advice=advice,
         message=message,
         residuals=residuals_table(outcome),
-        priors=priors_said(outcome),
+        priors=priors_sentence(outcome),
         cost=number(solution.cost, 6),
         optimality=number(solution.optimality, 2),
         overlays=[
@@ -133,15 +133,15 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
 
 def data_alone(outcome: Outcome) -> dict[str, object] | None:
     """The diagnosis of the data alone, or None if there are no priors."""
-    found = outcome.data_alone
-    if found is None:
+    diagnosis = outcome.data_alone
+    if diagnosis is None:
         return None
     return {
         "priors": joined(outcome.setup.priors),
-        "diagnosis": found,
-        "spectrum": spectrum(found),
-        "directions": directions_table(found),
-        "weak": gathered_directions_table(found.weak_directions, "characteristic scale"),
+        "diagnosis": diagnosis,
+        "spectrum": spectrum(diagnosis),
+        "directions": directions_table(diagnosis),
+        "weak": gathered_directions_table(diagnosis.weak_directions, "characteristic scale"),
     }
 
 
@@ -151,12 +151,12 @@ def distance_figure(outcome: Outcome) -> Shown | None:
     if truth is None or surface is None or body is None:
         return None
     distances = 1e3 * np.linalg.norm(surface - truth, axis=1)  # mm
-    called = truth_called(outcome)
+    called = truth_name(outcome)
     figure = distances_sheet(surface, distances, body.faces, called)
     return shown(figure, plots.caption_distances(distances, called))
 
 
-def truth_called(outcome: Outcome) -> str:
+def truth_name(outcome: Outcome) -> str:
     """What the true surface is called: `synthetic truth` if the data are synthetic."""
     return "synthetic truth" if outcome.setup.synthetic else "truth"
 
@@ -165,37 +165,39 @@ def arrays(outcome: Outcome) -> dict[str, Array]:
     """Every block under its own name, and per view `projected:`, `observed:` (M, 2) px and
     `confidence:` (M,), exactly as drawn; `surface` (N, 3) m where there is a body.
     """
-    found: dict[str, Array] = {}
+    by_name: dict[str, Array] = {}
     if outcome.surface is not None:
-        found["surface"] = outcome.surface
+        by_name["surface"] = outcome.surface
     for overlay in outcome.overlays:
-        found[f"projected:{overlay.view.name}"] = overlay.projected
-        found[f"observed:{overlay.view.name}"] = overlay.view.observed
-        found[f"confidence:{overlay.view.name}"] = overlay.view.confidence
-    return found | {name: np.asarray(value) for name, value in outcome.values.items()}
+        by_name[f"projected:{overlay.view.name}"] = overlay.projected
+        by_name[f"observed:{overlay.view.name}"] = overlay.view.observed
+        by_name[f"confidence:{overlay.view.name}"] = overlay.view.confidence
+    return by_name | {name: np.asarray(value) for name, value in outcome.values.items()}
 
 
 def run_summary(outcome: Outcome) -> dict[str, Any]:
     """How a run ended, what it measured, and what it ran on."""
-    alone, priors = outcome.data_alone, list(outcome.setup.priors)
+    data_alone, priors = outcome.data_alone, list(outcome.setup.priors)
     return {
         "kind": "run",
         "name": outcome.name,
         "synthetic": outcome.setup.synthetic,
         "warnings": list(outcome.doubts),
         "notes": list(outcome.setup.notes),
-        **_ending(outcome.solution),
+        **_solution_summary(outcome.solution),
         "solver": outcome.solver,
         "better": outcome.better,
         "best_cost": outcome.best_cost,
-        **_seen(outcome.diagnosis),
-        "data_alone": None if alone is None else {"without": priors, **_seen(alone)},
+        **_rank_summary(outcome.diagnosis),
+        "data_alone": None
+        if data_alone is None
+        else {"without": priors, **_rank_summary(data_alone)},
         "costs": dict(outcome.costs),
         "priors": priors,
         "measures": [asdict(measure) for measure in outcome.measures],
         "measurements": measurements_summary(outcome.measurements),
         "compared": {
-            name: _ending(solution) | {"excess": outcome.excess(name)}
+            name: _solution_summary(solution) | {"excess": outcome.excess(name)}
             for name, solution in outcome.compared.items()
         },
         "interrupted": outcome.interrupted,
@@ -203,12 +205,12 @@ def run_summary(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _seen(diagnosis: Diagnosis) -> dict[str, int]:
+def _rank_summary(diagnosis: Diagnosis) -> dict[str, int]:
     rows, unknowns = diagnosis.shape
     return {"rows": rows, "unknowns": unknowns, "rank": diagnosis.rank}
 
 
-def _ending(solution: Solution) -> dict[str, Any]:
+def _solution_summary(solution: Solution) -> dict[str, Any]:
     return {
         "status": solution.status.name,
         "message": solution.message,
@@ -220,7 +222,7 @@ def _ending(solution: Solution) -> dict[str, Any]:
     }
 
 
-SMALL = 24  # entries of a block that is listed number by number
+SMALL_BLOCK = 24  # entries of a block that is listed number by number
 MOST_STARTS = 12  # that are listed by number
 
 
@@ -244,7 +246,7 @@ def measurements_table(measurements: Sequence[Measurement]) -> Table:
 
 def measurements_summary(measurements: Sequence[Measurement]) -> list[dict[str, Any]]:
     """The same for programs, in m."""
-    return [asdict(one) | {"contraction": one.contraction} for one in measurements]
+    return [asdict(m) | {"contraction": m.contraction} for m in measurements]
 
 
 def _between(low: float, high: float) -> str:
@@ -266,7 +268,7 @@ def residuals_table(outcome: Outcome) -> Table:
     return Table.of(setup.problem.residuals, columns, (2, 3, 5, 6))
 
 
-def priors_said(outcome: Outcome) -> str:
+def priors_sentence(outcome: Outcome) -> str:
     """Which residuals are priors, and their share of the cost, in a sentence."""
     priors = outcome.setup.priors
     if not priors:
@@ -276,7 +278,7 @@ def priors_said(outcome: Outcome) -> str:
     return f"The {prior}, {joined(priors)}, {make} up {share} of the cost at the end."
 
 
-def better_said(outcome: Outcome) -> str:
+def better_sentence(outcome: Outcome) -> str:
     """That another solver found a lower cost, and by how much; empty if none did."""
     if outcome.better is None:
         return ""
@@ -284,11 +286,11 @@ def better_said(outcome: Outcome) -> str:
     return (
         f"{outcome.better} found a lower cost from the same start: {number(other, 6)}, which is "
         f"{number(own - other)} ({(own - other) / own:.1%}) less than {outcome.solver} found. This "
-        "end is not the best one known."
+        "is not the lowest cost known."
     )
 
 
-def interrupted_said(outcome: Outcome) -> str:
+def interruption_sentence(outcome: Outcome) -> str:
     """That an interrupt ended the run early, and what is missing; empty if none did."""
     if not outcome.interrupted:
         return ""
@@ -297,7 +299,7 @@ def interrupted_said(outcome: Outcome) -> str:
     return f"The {what} was cut short from the keyboard{lacks}."
 
 
-def status_said(outcome: Outcome, solver: str) -> str:
+def status_in_words(outcome: Outcome, solver: str) -> str:
     """How a solver ended, in words: `converged, not lowest` if another one found a lower cost."""
     return ending_in_words(outcome.compared[solver].status, outcome.excess(solver) > AS_GOOD)
 
@@ -306,7 +308,7 @@ def solvers_table(outcome: Outcome) -> Table:
     """How each solver ended, and with which cost and time."""
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
-        "status": lambda of: status_said(outcome, of[0]),
+        "status": lambda of: status_in_words(outcome, of[0]),
         "seconds": lambda of: f"{of[1].seconds:.2f}",
         "cost": lambda of: number(of[1].cost, 8),
         "above the best": lambda of: number(outcome.excess(of[0]), 2),
@@ -317,11 +319,11 @@ def solvers_table(outcome: Outcome) -> Table:
     return Table.of(outcome.compared.items(), columns, tuple(range(2, 8)))
 
 
-def ending_said(solution: Solution) -> tuple[str, str]:
+def ending_in_sentences(solution: Solution) -> tuple[str, str]:
     """How a run ended: what its status means, and what the solver adds to that.
 
-    The message of a run that has converged says itself what was found out, which is less after a
-    large gradient tolerance.
+    The message of a converged run says what was verified, which is less if the gradient tolerance
+    is large.
     """
     advice, message = solution.status.value, solution.message
     if message.startswith(advice):
@@ -342,16 +344,16 @@ def hypotheses_table(solution: Solution) -> Table:
 
 
 def value_tables(outcome: Outcome) -> list[Table]:
-    """The free numbers of each small block, one by one."""
-    found = []
+    """The unknowns of each small block, one by one."""
+    tables = []
     for block in outcome.diagnosis.free.blocks:
-        if block.size <= SMALL:
+        if block.size <= SMALL_BLOCK:
             rows = tuple(
                 (block.name + block.entry(i), number(float(value)))
                 for i, value in enumerate(block.taken(outcome.values[block.name]).ravel())
             )
-            found.append(Table((block.name, f"value {unit_text(block.unit)}".rstrip()), rows))
-    return found
+            tables.append(Table((block.name, f"value {unit_text(block.unit)}".rstrip()), rows))
+    return tables
 
 
 def _sigma(sigma: float | np.ndarray) -> str:
@@ -394,7 +396,7 @@ def write_video(
         setup=setup,
         solution=solution,
         status=solution.status.name.lower().replace("_", " "),
-        said="; ".join(text for text in ending_said(solution) if text),
+        said="; ".join(text for text in ending_in_sentences(solution) if text),
         cost=number(solution.cost, 6),
         measures=measures_table(measures),
         doubted=doubted,

@@ -16,7 +16,7 @@ from workbench.reports.page import page
 from workbench.reports.replay.recording import skinned_data
 from workbench.writing import write_file
 
-LEAST_CHANGE = 0.01  # m, of the stature, by one standard deviation
+LEAST_STATURE_CHANGE = 0.01  # m, of the stature, by one standard deviation
 NOTE = (
     "This page computes what the workbench computes, in double precision; only the pose blend "
     "shapes are stored in single precision. A test compares its vertices in a browser with those "
@@ -61,13 +61,13 @@ def _first_direction(body: Body) -> str:
         return ""
     mean, more = stature(body, np.eye(2, body.n_betas, -1))
     change = float(more - mean)
-    return "" if abs(change) < LEAST_CHANGE else "taller" if change > 0 else "shorter"
+    return "" if abs(change) < LEAST_STATURE_CHANGE else "taller" if change > 0 else "shorter"
 
 
-FILES = ("values.npz", "registration.npz", "motion.npz")  # of a run, a registration, a clip
+FIT_FILES = ("values.npz", "registration.npz", "motion.npz")  # of a run, a registration, a clip
 POSES = "poses"  # what the pose of a motion is called
-WHAT = "fit with a pose and betas"
-DO = "give the folder of a run, a registration or a clip, or its .npz"
+FIT_KIND = "fit with a pose and betas"
+FIT_ADVICE = "give the folder of a run, a registration or a clip, or its .npz"
 
 
 def pose_and_betas(place: str | Path, body: Body, frame: int = 0) -> tuple[Array, Array]:
@@ -79,20 +79,20 @@ def pose_and_betas(place: str | Path, body: Body, frame: int = 0) -> tuple[Array
     """
     path = Path(place)
     if path.is_dir():
-        there = [path / name for name in FILES if (path / name).is_file()]
-        if not there:
-            raise BadFile(f"{path} holds none of {', '.join(FILES)}; {DO}")
-        path = there[0]
+        present = [path / name for name in FIT_FILES if (path / name).is_file()]
+        if not present:
+            raise BadFile(f"{path} holds none of {', '.join(FIT_FILES)}; {FIT_ADVICE}")
+        path = present[0]
     pose, betas, _ = (block.name for block in body.blocks())
-    with opened(path, WHAT, DO) as archive:
+    with opened(path, FIT_KIND, FIT_ADVICE) as archive:
         shapes = {name: header.shape for name, header in archive.headers.items()}
         named = pose if pose in shapes else POSES
         rows = {named: (body.n_joints, 3), betas: (body.n_betas,)}
         for name, row in rows.items():
-            found = shapes.get(name, row)
-            if found not in (row, (*found[:1], *row), (*found[:1], int(np.prod(row)))):
+            shape = shapes.get(name, row)
+            if shape not in (row, (*shape[:1], *row), (*shape[:1], int(np.prod(row)))):
                 raise BadArgument(
-                    f"{name} of {path} has the shape {found}, and body {body.name!r} has {row}; "
+                    f"{name} of {path} has the shape {shape}, and body {body.name!r} has {row}; "
                     "name the body of the fit: workbench body sliders NAME --from PLACE"
                 )
         expected = {name: reals(*shapes.get(name, row)) for name, row in rows.items()}

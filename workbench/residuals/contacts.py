@@ -25,8 +25,8 @@ class ContactNumbers:
     """What contacts say where a surface is now, and how it changes with the surface's vertices."""
 
     numbers: Array  # (M, d) m, such as one signed distance of each of M points
-    found: Mask  # (M,) which points have a contact; the numbers of the others are constant
-    derivative: Callable[[], csr_array]  # makes `jacobian`, which many a point is left without
+    in_contact: Mask  # (M,) which points have a contact; the numbers of the others are constant
+    derivative: Callable[[], csr_array]  # makes `jacobian`, when it is first asked for
 
     @cached_property
     def jacobian(self) -> csr_array:
@@ -85,7 +85,8 @@ class MovingContacts(NumericPoints):
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The numbers (M, d) for several values of each block."""
-        return np.stack([self.search(at).numbers for at in self.arithmetic.evaluate_batch(values)])
+        batch = self.arithmetic.evaluate_batch(values)
+        return np.stack([self.search(vertices).numbers for vertices in batch])
 
     def nonzeros(self, name: str) -> int | None:
         """How many nonzeros the derivative by a block can have; None if it is dense."""
@@ -98,9 +99,9 @@ class MovingContacts(NumericPoints):
     def frozen(self, values: Mapping[str, Array]) -> "MovingContacts":
         """The contacts as they are at these values, held."""
         here = self.arithmetic.evaluate(values).points
-        found = self.search(here)
-        W = found.jacobian
-        at_zero = found.numbers - (W @ here.ravel()).reshape(found.numbers.shape)
+        contacts = self.search(here)
+        W = contacts.jacobian
+        at_zero = contacts.numbers - (W @ here.ravel()).reshape(contacts.numbers.shape)
 
         def held(vertices: Array) -> ContactNumbers:
             numbers = at_zero + (W @ vertices.ravel()).reshape(at_zero.shape)
@@ -138,9 +139,9 @@ class _HeldContacts(MovingContacts):
         if pattern is None:
             return None
         ones = csc_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), pattern.shape)
-        found = csc_array(_with(np.ones(self.jacobian.nnz), self.jacobian) @ ones)
-        found.sort_indices()
-        return found
+        product = csc_array(_with_entries(np.ones(self.jacobian.nnz), self.jacobian) @ ones)
+        product.sort_indices()
+        return product
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,20 +158,20 @@ class _ContactsAt(PointsAt):
         by_block = {name: np.zeros((len(target), W.shape[1])) for name, target in into.items()}
         self.here.write_jacobian(by_block, None)
         if scale is not None:
-            W = _with(W.data * np.repeat(scale, np.diff(W.indptr)), W)
+            W = _with_entries(W.data * np.repeat(scale, np.diff(W.indptr)), W)
         for name, target in into.items():
             target[...] = (W @ by_block[name].T).T
 
     def jacobian(self, name: str) -> csc_array:
-        found = csc_array(self.contacts.jacobian @ self.here.jacobian(name))
-        found.sort_indices()
-        return found
+        product = csc_array(self.contacts.jacobian @ self.here.jacobian(name))
+        product.sort_indices()
+        return product
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         return self.here.vjp(np.asarray(self.contacts.jacobian.T @ cotangent))
 
 
-def _with(entries: Array, matrix: csr_array) -> csr_array:
+def _with_entries(entries: Array, matrix: csr_array) -> csr_array:
     """A matrix with other entries in the same places."""
     return csr_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
 
@@ -189,10 +190,10 @@ class Offsets:
     @property
     def directions(self) -> Array:
         """(M, 3) the unit vectors u with |o| = +-u . o; the normals where o is only rounding."""
-        far = np.abs(self.distances) > TOUCHING
-        found = self.normals.copy()
-        found[far] = self.vectors[far] / self.distances[far, None]
-        return found
+        clear = np.abs(self.distances) > TOUCHING
+        directions = self.normals.copy()
+        directions[clear] = self.vectors[clear] / self.distances[clear, None]
+        return directions
 
 
 @dataclass(frozen=True)

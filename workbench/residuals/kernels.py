@@ -33,7 +33,7 @@ def geman_mcclure(s: cs.MX) -> cs.MX:
     In the residual x: sigma^2 rho = sigma^2 x^2 / (sigma^2 + x^2), SMPLify's penaliser; dividing
     by sigma^2 here makes the cost dimensionless, so weights taken from SMPLify, which keeps the
     sigma^2, are not interchangeable with ours (Geman and McClure 1987; Bogo et al. 2016).
-    rho is 1/2 at |x| = sigma; the pull of a residual is strongest at |x| = sigma / sqrt(3).
+    rho is 1/2 at |x| = sigma; a residual has most influence at |x| = sigma / sqrt(3).
     """
     if not isinstance(s, (cs.MX, cs.SX, cs.DM)):
         raise BadResidual(

@@ -39,14 +39,14 @@ def gaussian(
     shape = (n,) if columns == 1 else (columns, rows)  # as a user sees it
     C = reals(f"residual {name!r}: the covariance", covariance)
     mu = reals(f"residual {name!r}: the mean", mean)
-    given = mu.shape
+    mean_shape = mu.shape
     try:
         mu = mu if mu.shape == (n,) else np.broadcast_to(mu, shape).ravel()
     except ValueError:
         mu = np.zeros(0)
     if mu.size != n or C.shape not in ((), (n,), (n, n)):
         raise BadResidual(
-            f"residual {name!r} is about {shape} numbers, but has a mean of {given} and "
+            f"residual {name!r} is about {shape} numbers, but has a mean of {mean_shape} and "
             f"a covariance of {C.shape}; give a mean for {shape} or ({n},), and a covariance of "
             f"shape (), ({n},) or ({n}, {n})"
         )
@@ -139,7 +139,7 @@ def _components(
             f"residual {name!r} needs finite means, and shares above 0; leave out a component that "
             "has none"
         )
-    inverse = np.array([whitening(one, name) for one in sigma])  # L^-1, (C, D, D)
+    inverse = np.array([whitening(covariance, name) for covariance in sigma])  # L^-1, (C, D, D)
     c = -np.log(np.einsum("cii->ci", inverse)).sum(axis=1) - np.log(g / g.sum())
     shifts = np.einsum("cde,ce->cd", inverse, mu).ravel()
     stacked = cs.DM(inverse.reshape(C * D, D)) @ x - cs.DM(shifts)
@@ -169,22 +169,22 @@ def limits(
     and if there are none.
     """
     name = name or named("limits", of.symbol if isinstance(of, Block) else of)
-    x, shape, what = _numbers(name, of, labels)
-    found = []
-    for side, given in (("lower", lower), ("upper", upper)):
-        numbers = reals(f"residual {name!r}: the {side} limits", given)
+    x, shape, label_of = _numbers(name, of, labels)
+    flat = []
+    for side, limit in (("lower", lower), ("upper", upper)):
+        numbers = reals(f"residual {name!r}: the {side} limits", limit)
         try:
-            found.append(np.broadcast_to(numbers, shape).ravel())
+            flat.append(np.broadcast_to(numbers, shape).ravel())
         except ValueError:
             raise BadResidual(
                 f"residual {name!r} needs {side} limits of the shape {shape}, or one for "
                 f"all, not {numbers.shape}"
             ) from None
-    low, high = found
+    low, high = flat
     if not (low <= high).all():  # also where one is NaN
         i = int(np.argmin(low <= high))
         raise BadResidual(
-            f"residual {name!r}: {what(i)} has the lower limit {low[i]:g} and "
+            f"residual {name!r}: {label_of(i)} has the lower limit {low[i]:g} and "
             f"the upper limit {high[i]:g}; no number lies between"
         )
     rows = np.flatnonzero(np.isfinite(low) | np.isfinite(high))
@@ -194,10 +194,10 @@ def limits(
     above = cs.fmax(0, x - cs.DM(high[rows]))
     below = cs.fmin(0, x - cs.DM(low[rows]))
     if isinstance(of, Block):
-        own = tuple(of.entry(int(i))[1:-1] for i in rows)
-        return Residual(name, above + below, sigma, of.unit, labels=own, blocks=(of,))
-    kept = None if labels is None else tuple(labels[i] for i in rows.tolist())
-    return Residual(name, above + below, sigma, unit, labels=kept)
+        entries = tuple(of.entry(int(i))[1:-1] for i in rows)
+        return Residual(name, above + below, sigma, of.unit, labels=entries, blocks=(of,))
+    labels_of_rows = None if labels is None else tuple(labels[i] for i in rows.tolist())
+    return Residual(name, above + below, sigma, unit, labels=labels_of_rows)
 
 
 def _numbers(

@@ -16,9 +16,9 @@ from workbench.geometry.triangles import edge_matrix
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.residuals.residual import (
     Residual,
+    as_matrix,
     confidences,
     expressed,
-    given,
     named_after,
     numbered,
     row_labels,
@@ -58,7 +58,7 @@ def landmarks(
     """
     predicted, reads = expressed(points)
     name = name or named_after("landmarks", observed, points)
-    target = given(name, "what was observed", observed, predicted.shape[::-1])
+    target = as_matrix(name, "what was observed", observed, predicted.shape[::-1])
     same_shape(name, predicted, target)
     difference = cs.vec(predicted - target)  # (3 N, 1) m
     labels = row_labels(points, "xyz")
@@ -105,13 +105,14 @@ def keypoints(
     pixels = camera.image_of(seen)  # (2, M) px
     name = name or named_after("keypoints", observed, points)
     M = pixels.shape[1]
-    target = given(name, "what was observed", observed, (M, 2))
+    target = as_matrix(name, "what was observed", observed, (M, 2))
     same_shape(name, pixels, target)
     weights = confidences(name, confidence, M, "keypoints")
     off = cs.vec(pixels - target)  # (2 M, 1) px
-    labels = row_labels(points, "uv")
-    known = reads, labels, weights, camera.blocks, 2
-    return Residual(name, off, sigma, "px", kernel, *known, domain=seen[2, :].T)
+    labels, depths = row_labels(points, "uv"), seen[2, :].T
+    return Residual(
+        name, off, sigma, "px", kernel, reads, labels, weights, camera.blocks, 2, domain=depths
+    )
 
 
 def edges(
@@ -135,14 +136,14 @@ def edges(
     """
     predicted, reads = expressed(points)
     name = name or named_after("edges", observed, points)
-    target = given(name, "what was observed", observed, predicted.shape[::-1])
+    target = as_matrix(name, "what was observed", observed, predicted.shape[::-1])
     same_shape(name, predicted, target)
     N = predicted.shape[1]
-    found = numbered(name, "pairs (E", pairs, 2, N)
-    E = len(found)
+    vertex_pairs = numbered(name, "pairs (E", pairs, 2, N)
+    E = len(vertex_pairs)
     rows, entries = np.repeat(np.arange(E), 2).tolist(), np.tile([1.0, -1.0], E)
-    ends = cs.DM.triplet(rows, found.ravel().tolist(), cs.DM(entries), E, N)
-    difference = (predicted - target) @ ends.T  # (3, E) m
+    incidence = cs.DM.triplet(rows, vertex_pairs.ravel().tolist(), cs.DM(entries), E, N)
+    difference = (predicted - target) @ incidence.T  # (3, E) m
     weights = None if confidence is None else confidences(name, confidence, E, "pairs")
     return Residual(
         name, cs.vec(difference), sigma, "m", kernel, reads, weights=weights, rows_per_point=3
@@ -168,7 +169,7 @@ def stitching(
     placed, reads = expressed(vertices)
     name = name or named_after("stitching", edges, vertices)
     faces = numbered(name, "faces (F", faces, 3, placed.shape[1])
-    target = given(name, "the edges", edges, (2 * len(faces), 3))
+    target = as_matrix(name, "the edges", edges, (2 * len(faces), 3))
     if target.shape != (3, 2 * len(faces)):
         raise BadResidual(
             f"residual {name!r} needs two edges for each of {len(faces)} faces, a block of shape "
@@ -224,18 +225,18 @@ def regressed(
     translation of joints and vertices changes nothing. Raises BadResidual for a regressor of
     another shape.
     """
-    bones, joint_reads = expressed(joints)
+    joint_points, joint_reads = expressed(joints)
     surface, surface_reads = expressed(vertices)
-    name = name or named_after("regressed", bones, bones)
-    shape = (bones.shape[1], surface.shape[1])
+    name = name or named_after("regressed", joint_points, joint_points)
+    shape = (joint_points.shape[1], surface.shape[1])
     if isinstance(regressor, cs.MX):
         R = regressor
     else:
         dense = regressor.toarray() if isinstance(regressor, csr_array) else regressor
-        found = reals(f"residual {name!r}: the regressor", dense)
-        if found.ndim != 2 or not np.isfinite(found).all():
+        array = reals(f"residual {name!r}: the regressor", dense)
+        if array.ndim != 2 or not np.isfinite(array).all():
             raise BadResidual(f"residual {name!r} needs a regressor (K, N) of finite numbers")
-        R = cs.MX(cs.sparsify(cs.DM(found.T)))
+        R = cs.MX(cs.sparsify(cs.DM(array.T)))
     if R.shape != shape[::-1]:
         raise BadResidual(
             f"residual {name!r} needs a regressor of shape {shape}, a row for each joint and a "
@@ -243,7 +244,7 @@ def regressed(
         )
     return Residual(
         name,
-        cs.vec(surface @ R - bones),
+        cs.vec(surface @ R - joint_points),
         sigma,
         "m",
         points=(*joint_reads, *surface_reads),

@@ -86,6 +86,21 @@ class Residual(Symbolic):
         self.__dict__["blocks"] = several(f"the blocks {what}", self.blocks, Block, BadResidual)
         if self.labels is not None:
             self.__dict__["labels"] = texts(f"the labels {what}", self.labels, BadResidual)
+        self._check_rows()
+        self._check_sigma()
+        self._check_kernel_and_weights()
+        if self.domain is not None:
+            count = self.size // self.rows_per_point
+            check_symbolic(f"residual {self.name!r}: the domain", self.domain)
+            if self.domain.shape != (count, 1):
+                raise BadResidual(
+                    f"residual {self.name!r} needs a domain of shape ({count}, 1), one number "
+                    f"for each point, not of {self.domain.shape}"
+                )
+        check_listed(f"residual {self.name!r}", self.written, self.points)
+        self._check_frames()
+
+    def _check_rows(self) -> None:
         if self.expression.shape[1] != 1:
             raise BadResidual(
                 f"residual {self.name!r} must be a column (m, 1), not {self.expression.shape}; "
@@ -97,20 +112,30 @@ class Residual(Symbolic):
                 f"residual {self.name!r} has {self.size} rows, which are no points of {d!r} rows "
                 "each; rows_per_point is 3 in space, 2 in an image and 1 for single numbers"
             )
-        counts = tuple(dict.fromkeys((self.size, self.size // d)))
+        if self.labels is not None and len(self.labels) != self.size:
+            raise BadResidual(
+                f"residual {self.name!r} has {self.size} rows but {len(self.labels)} labels; give "
+                "one for each row"
+            )
+
+    def _check_sigma(self) -> None:
+        m, d = self.size, self.rows_per_point
         sigma = reals(f"the sigma of residual {self.name!r}", self.sigma)
-        each = [f"row ({self.size})"] + ([f"point ({self.size // d})"] if d > 1 else [])
-        fits = sigma.shape in ((), *((n,) for n in counts))
+        fits = sigma.shape in ((), (m,), (m // d,))
         if not fits or not ((sigma > 0) & np.isfinite(sigma)).all():
+            each = f"row ({m})" if d == 1 else f"row ({m}) or point ({m // d})"
             raise BadResidual(
                 f"the sigma of residual {self.name!r} is finite and above zero, in {self.unit}: "
-                f"one number, or one for each {' or '.join(each)}; not {self.sigma}"
+                f"one number, or one for each {each}; not {self.sigma}"
             )
+
+    def _check_kernel_and_weights(self) -> None:
         if not callable(self.kernel):
             raise BadResidual(
                 f"residual {self.name!r} needs a function as its kernel, such as quadratic, "
                 f"geman_mcclure or huber(1.345), not {self.kernel!r}"
             )
+        m, d = self.size, self.rows_per_point
         of_norms = isinstance(self.kernel, OfNorms)
         if of_norms and d == 1:
             raise BadResidual(
@@ -118,26 +143,17 @@ class Residual(Symbolic):
                 "alone; say rows_per_point=3 for points in space or 2 for pixels, or give the "
                 "kernel itself"
             )
-        if self.labels is not None and len(self.labels) != self.size:
-            raise BadResidual(
-                f"residual {self.name!r} has {self.size} rows but {len(self.labels)} labels; give "
-                "one for each row"
-            )
+        counts = (m // d,) if of_norms or d == 1 else (m, m // d)
         why = "; its kernel is one of norms, and a point has one weight" if of_norms else ""
-        check_weights(self.name, self.weights, counts[-1:] if of_norms else counts, why)
-        if self.domain is not None:
-            check_symbolic(f"residual {self.name!r}: the domain", self.domain)
-            if self.domain.shape != (counts[-1], 1):
-                raise BadResidual(
-                    f"residual {self.name!r} needs a domain of shape ({counts[-1]}, 1), one number "
-                    f"for each point, not of {self.domain.shape}"
-                )
-        check_listed(f"residual {self.name!r}", self.written, self.points)
-        held = self.expression, self.sigma, self.kernel, self.weights, self.domain
+        check_weights(self.name, self.weights, counts, why)
+
+    def _check_frames(self) -> None:
+        """Raise BadResidual if what the residuals of frames say was replaced for all rows."""
+        computed_from = self.expression, self.sigma, self.kernel, self.weights, self.domain
         if not self.by_frame or not self._of_frames:
-            self.__dict__["_of_frames"] = held if self.by_frame else ()
-        elif any(now is not then for now, then in zip(held, self._of_frames, strict=True)):
-            raise BadResidual(  # a sequence computes from the residuals of single frames
+            self.__dict__["_of_frames"] = computed_from if self.by_frame else ()
+        elif any(now is not then for now, then in zip(computed_from, self._of_frames, strict=True)):
+            raise BadResidual(
                 f"residual {self.name!r} has the rows of {len(self.by_frame)} frames, and the "
                 "frames would not see what was replaced; replace it in the residual of a frame, "
                 "before sequence(...), or weigh all rows alike by residual.weighed(factor)"
@@ -169,23 +185,24 @@ class Residual(Symbolic):
 
     def frozen(self, values: Mapping[str, Array]) -> "Residual":
         """The residual with contacts and the like held as they are at these values."""
-        held = tuple(points.frozen(values) for points in self.points)
-        if all(one is other for one, other in zip(held, self.points, strict=True)):
+        points = tuple(placeholder.frozen(values) for placeholder in self.points)
+        if all(own is point for own, point in zip(points, self.points, strict=True)):
             return self
         framed = {block.name for block in self.blocks if block.framed}
         by_frame = tuple(
-            (t, one.frozen({n: v[t] if n in framed else v for n, v in values.items()}))
-            for t, one in self.by_frame
+            (t, part.frozen({n: v[t] if n in framed else v for n, v in values.items()}))
+            for t, part in self.by_frame
         )
-        return replace(self, points=held, by_frame=by_frame, _of_frames=())
+        return replace(self, points=points, by_frame=by_frame, _of_frames=())
 
     def weighed(self, factor: float) -> "Residual":
         """The same residual with every weight multiplied by a number from 0 on."""
         own = 1.0 if self.weights is None else self.weights
         weights = factor * (own if isinstance(own, cs.MX) else np.asarray(own, dtype=float))
-        once = {id(one): one for _, one in self.by_frame}
-        parts = {key: one.weighed(factor) for key, one in once.items()}  # frames stay alike
-        by_frame = tuple((t, parts[id(one)]) for t, one in self.by_frame)
+        distinct = {id(part): part for _, part in self.by_frame}
+        # each once, so that frames stay alike
+        weighed = {key: part.weighed(factor) for key, part in distinct.items()}
+        by_frame = tuple((t, weighed[id(part)]) for t, part in self.by_frame)
         return replace(self, weights=weights, by_frame=by_frame, _of_frames=())
 
     @property
@@ -196,8 +213,8 @@ class Residual(Symbolic):
     @property
     def written(self) -> cs.MX:
         """The expression, and the weights and the domain as far as they are expressions."""
-        beside = (one for one in (self.weights, self.domain) if isinstance(one, cs.MX))
-        return cs.veccat(self.expression, *beside)
+        symbolic = (x for x in (self.weights, self.domain) if isinstance(x, cs.MX))
+        return cs.veccat(self.expression, *symbolic)
 
     def label(self, row: int) -> str:
         """The name of one row: `keypoints(camera 1/observed)[left_wrist, u]`.
@@ -205,10 +222,10 @@ class Residual(Symbolic):
         In a sequence the frame comes first, as in `[12, left_wrist, u]`.
         """
         if self.by_frame:
-            edges = np.cumsum([0, *(one.size for _, one in self.by_frame)])
-            i = int(np.searchsorted(edges, row, side="right")) - 1
-            t, one = self.by_frame[i]
-            inner = one.label(row - int(edges[i])).removeprefix(f"{one.name}[")
+            starts = np.cumsum([0, *(part.size for _, part in self.by_frame)])
+            i = int(np.searchsorted(starts, row, side="right")) - 1
+            t, part = self.by_frame[i]
+            inner = part.label(row - int(starts[i])).removeprefix(f"{part.name}[")
             return f"{self.name}[{t}, {inner}"
         return f"{self.name}[{self.labels[row] if self.labels else row}]"
 
@@ -248,8 +265,8 @@ def root(weights: cs.MX | ArrayLike) -> cs.MX | cs.DM:
     """
     if not isinstance(weights, cs.MX):
         return cs.DM(np.sqrt(reals("weights", weights)))
-    none = weights == 0
-    return cs.if_else(none, 0, cs.sqrt(cs.if_else(none, 1, weights)))
+    zero = weights == 0
+    return cs.if_else(zero, 0, cs.sqrt(cs.if_else(zero, 1, weights)))
 
 
 def check_weights(
@@ -294,7 +311,7 @@ def expressed(points: Points | cs.MX) -> tuple[cs.MX, tuple[Points, ...]]:
     return points, ()
 
 
-def given(name: str, what: str, value: cs.MX | ArrayLike, shape: tuple[int, ...]) -> cs.MX:
+def as_matrix(name: str, what: str, value: cs.MX | ArrayLike, shape: tuple[int, ...]) -> cs.MX:
     """Observations with their axes reversed: a symbol as it is, numbers of `shape` as a constant.
 
     Raises NotNumbers, or BadResidual for an array of another shape or with a row that is not
@@ -307,21 +324,21 @@ def given(name: str, what: str, value: cs.MX | ArrayLike, shape: tuple[int, ...]
     if isinstance(value, cs.DM):
         value = np.asarray(value).T  # as a user sees it
         value = value[0] if len(shape) == len(value) == 1 else value
-    found = reals(f"residual {name!r}: {what}", value)
-    if found.shape != shape:
+    array = reals(f"residual {name!r}: {what}", value)
+    if array.shape != shape:
         raise BadResidual(
             f"residual {name!r} needs {what} as a block's symbol or an array of shape {shape}, "
-            f"not of {found.shape}"
+            f"not of {array.shape}"
         )
-    bad = ~np.isfinite(found).all(axis=tuple(range(1, found.ndim)))
+    bad = ~np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
     if bad.any():
         row = int(np.argmax(bad))
         raise BadResidual(
-            f"residual {name!r}: row {row} of {what} is {found[row]}, and {bad.sum()} of "
-            f"{len(found)} rows are not finite; leave them out, or give them confidence 0 and "
+            f"residual {name!r}: row {row} of {what} is {array[row]}, and {bad.sum()} of "
+            f"{len(array)} rows are not finite; leave them out, or give them confidence 0 and "
             "any number where there is a confidence"
         )
-    return cs.MX(cs.DM(found.T))
+    return cs.MX(cs.DM(array.T))
 
 
 def confidences(name: str, value: cs.MX | ArrayLike, count: int, what: str) -> cs.MX:
@@ -329,13 +346,13 @@ def confidences(name: str, value: cs.MX | ArrayLike, count: int, what: str) -> c
 
     Raises NotNumbers, or BadResidual for another number of them.
     """
-    found = given(name, "the confidence", value, (count,))
-    if found.shape != (count, 1):
+    weights = as_matrix(name, "the confidence", value, (count,))
+    if weights.shape != (count, 1):
         raise BadResidual(
-            f"residual {name!r} has {count} {what}, but confidences of shape {found.shape}; give "
+            f"residual {name!r} has {count} {what}, but confidences of shape {weights.shape}; give "
             "one for each"
         )
-    return found
+    return weights
 
 
 def numbered(name: str, what: str, value: ArrayLike, width: int, count: int) -> Index:
@@ -344,15 +361,15 @@ def numbered(name: str, what: str, value: ArrayLike, width: int, count: int) -> 
     `what` is `pairs (E` or the like. Raises NotNumbers or BadResidual.
     """
     plural = what.partition(" ")[0]
-    found = numbers(f"residual {name!r}: {plural}", value)
-    if found.ndim != 2 or found.shape[1] != width or found.dtype.kind not in "iu":
+    indices = numbers(f"residual {name!r}: {plural}", value)
+    if indices.ndim != 2 or indices.shape[1] != width or indices.dtype.kind not in "iu":
         raise BadResidual(
             f"residual {name!r} needs {what}, {width}) of whole numbers, not an array of shape "
-            f"{found.shape} of {found.dtype}"
+            f"{indices.shape} of {indices.dtype}"
         )
-    if found.size and not 0 <= found.min() <= found.max() < count:
+    if indices.size and not 0 <= indices.min() <= indices.max() < count:
         raise BadResidual(f"residual {name!r} needs vertices from 0 to {count - 1} in its {plural}")
-    return found.astype(np.int64)
+    return indices.astype(np.int64)
 
 
 def row_labels(points: Points | cs.MX, axes: Sequence[str]) -> tuple[str, ...] | None:
@@ -380,13 +397,13 @@ def same_shape(name: str, expression: cs.MX, observed: cs.MX) -> None:
     """Raise BadResidual unless the two can be subtracted entry by entry."""
     if expression.shape != observed.shape:
         (a, n), (b, m) = expression.shape, observed.shape
-        turned = expression.shape == observed.shape[::-1]
+        transposed = expression.shape == observed.shape[::-1]
         raise BadResidual(
             f"residual {name!r} compares {n} points ({n}, {a}) with a block of shape ({m}, {b}); "
             + (
                 f"it is transposed: the symbol of a block ({n}, {a}) is a matrix ({a}, {n}), and "
                 "is given as it is, as observed.symbol without .T"
-                if turned
+                if transposed
                 else "they must be the same"
             )
         )

@@ -59,8 +59,8 @@ def scan_to_model(
     area that it stands for or its confidence, is outside of the kernel. A point farther than
     `within` metres from the surface has no contact; its distance is `within`, and constant. With
     oriented unit `normals` (M, 3) of the scan, only triangles whose normals have a cosine of at
-    least `facing` with the point's are candidates; `within` must then be finite. `form` says what
-    a contact is worth: `distance`, `offset` (three rows) or `loose`.
+    least `facing` with the point's are candidates; `within` must then be finite. `form` says which
+    numbers a contact has: `distance`, `offset` (three rows) or `loose`.
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """
@@ -99,33 +99,34 @@ class _OnModel:
     within: float
     facing: float
     form: Form
-    _first: list[SurfaceTree] = field(default_factory=list)  # what is known of the faces alone
+    _trees: list[SurfaceTree] = field(default_factory=list)  # what is known of the faces alone
 
     def __call__(self, vertices: Array) -> ContactNumbers:
         """The contacts with vertices (N, 3) m at these places."""
-        if not self._first:
-            self._first.append(SurfaceTree(vertices, self.faces))
-        tree = self._first[0].moved(vertices)
-        at = tree.closest(self.scan, self.within, self.normals, self.facing)
-        numbers, directions = self.form.of(Offsets(self.scan - at.points, at.normals, at.distances))
-        touched, d = np.flatnonzero(at.faces >= 0), self.form.numbers
-        missed = at.faces < 0
+        if not self._trees:
+            self._trees.append(SurfaceTree(vertices, self.faces))
+        tree = self._trees[0].moved(vertices)
+        closest = tree.closest(self.scan, self.within, self.normals, self.facing)
+        offsets = Offsets(self.scan - closest.points, closest.normals, closest.distances)
+        numbers, directions = self.form.of(offsets)
+        touched, d = np.flatnonzero(closest.faces >= 0), self.form.numbers
+        missed = closest.faces < 0
         if missed.any():
             numbers = numbers.copy()
             numbers[missed] = 0.0
             numbers[missed, 0] = self.within
 
         def jacobian() -> csr_array:
-            corners, shares = self.faces[at.faces[touched]], at.shares[touched]
+            corners, shares = self.faces[closest.faces[touched]], closest.shares[touched]
             entries = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3, 3)
             columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), entries.shape)
-            filled = np.zeros((len(self.scan), d), dtype=np.int64)
-            filled[touched] = 9  # three coordinates of three corners
-            starts = np.concatenate([[0], np.cumsum(filled.ravel())])
+            entries_per_row = np.zeros((len(self.scan), d), dtype=np.int64)
+            entries_per_row[touched] = 9  # three coordinates of three corners
+            starts = np.concatenate([[0], np.cumsum(entries_per_row.ravel())])
             shape = len(self.scan) * d, vertices.size
-            found = csr_array((entries.ravel(), columns.flatten(), starts), shape=shape)
-            found.sort_indices()
-            return found
+            W = csr_array((entries.ravel(), columns.flatten(), starts), shape=shape)
+            W.sort_indices()
+            return W
 
         return ContactNumbers(numbers, ~missed, jacobian)
 
@@ -169,21 +170,22 @@ def _residual(
 
 def vectors(name: str, what: str, value: ArrayLike) -> Array:
     """The finite numbers (M, 3) of an argument. Raises BadResidual for others."""
-    found = np.ascontiguousarray(reals(f"residual {name!r}: {what}", value))
-    if found.ndim != 2 or found.shape[1] != 3 or not len(found) or not np.isfinite(found).all():
+    array = np.ascontiguousarray(reals(f"residual {name!r}: {what}", value))
+    if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
         raise BadResidual(
             f"residual {name!r} needs {what} as finite numbers (M, 3), not an array of shape "
-            f"{found.shape}" + (" with NaN or infinity" if not np.isfinite(found).all() else "")
+            f"{array.shape}" + (" with NaN or infinity" if not np.isfinite(array).all() else "")
         )
-    return found
+    return array
 
 
 BESIDE = 0.03  # m, from the ray of a point of the scan: as near as this, space may not be empty
-BEFORE = 0.03  # m, the same along the ray, before the point: noise and clothes
-CELL = 0.4  # of `beside`: the width of the bundles into which rays are put together
-GAPS = 2.0  # times the spacing of the rays: the least `beside`
-NEIGHBOUR, SOME = 4, 1_000  # the neighbour of a ray, in the median over some, that is its spacing
-CANDIDATES = 8  # bundles near a vertex, of which the least distance is taken
+IN_FRONT = 0.03  # m, the same along the ray, in front of the point: noise and clothes
+BUNDLE_WIDTH = 0.4  # of `beside`: the width of the bundles into which rays are put together
+SPACINGS = 2.0  # times the spacing of the rays: the least `beside`
+SPACING_NEIGHBOUR = 4  # the neighbour of a ray whose distance, in the median, is the spacing
+SPACING_SAMPLE = 1_000  # rays over which the median is taken
+BUNDLES_COMPARED = 8  # those nearest to a vertex, of which the least distance is taken
 
 
 def free_space(
@@ -251,8 +253,8 @@ class Shadow:
         rays = scan - camera
         depth = np.linalg.norm(rays, axis=1)
         unit = rays / depth[:, None]
-        beside = max(beside, GAPS * _spacing(unit) * float(np.median(depth)))
-        width = CELL * beside / float(np.median(depth))
+        beside = max(beside, SPACINGS * _spacing(unit) * float(np.median(depth)))
+        width = BUNDLE_WIDTH * beside / float(np.median(depth))
         cells, bundle = np.unique(np.floor(unit / width), axis=0, return_inverse=True)
         sums, begins = np.zeros((len(cells), 3)), np.full(len(cells), np.inf)
         np.add.at(sums, bundle.ravel(), unit)
@@ -263,34 +265,37 @@ class Shadow:
     def distances(self, vertices: Array) -> ContactNumbers:
         """How far vertices (N, 3) m are from the shadow, and its derivative; a `Search`."""
         v = vertices - self.camera
-        far = np.maximum(np.linalg.norm(v, axis=1), np.finfo(float).tiny)
-        k = range(1, min(CANDIDATES, len(self.begins)) + 1)
-        at = np.asarray(self.tree.query(v / far[:, None], k=k)[1])
-        along = np.einsum("nki,ni->nk", self.directions[at], v)
-        off = np.sqrt(np.maximum(far[:, None] ** 2 - along**2, 0))
-        ahead = np.maximum(self.begins[at] - BEFORE - far[:, None], 0)
-        best = np.arange(len(v)), np.argmin(np.hypot(np.maximum(off - self.beside, 0), ahead), 1)
-        across = v - along[best][:, None] * self.directions[at[best]]  # of the best ray alone
+        lengths = np.maximum(np.linalg.norm(v, axis=1), np.finfo(float).tiny)
+        k = range(1, min(BUNDLES_COMPARED, len(self.begins)) + 1)
+        bundles = np.asarray(self.tree.query(v / lengths[:, None], k=k)[1])
+        along = np.einsum("nki,ni->nk", self.directions[bundles], v)
+        offsets = np.sqrt(np.maximum(lengths[:, None] ** 2 - along**2, 0))
+        ahead = np.maximum(self.begins[bundles] - IN_FRONT - lengths[:, None], 0)
+        best = (
+            np.arange(len(v)),
+            np.argmin(np.hypot(np.maximum(offsets - self.beside, 0), ahead), 1),
+        )
+        across = v - along[best][:, None] * self.directions[bundles[best]]  # of the best ray alone
         away = np.linalg.norm(across, axis=1)
-        aside, before = np.maximum(away - self.beside, 0), ahead[best]
-        distance = np.where(off[:, 0] <= self.within, np.hypot(aside, before), 0.0)
+        beyond, in_front = np.maximum(away - self.beside, 0), ahead[best]
+        distance = np.where(offsets[:, 0] <= self.within, np.hypot(beyond, in_front), 0.0)
 
         def jacobian() -> csr_array:
-            there = np.flatnonzero(distance > 0)
-            slope = (aside / np.maximum(away, self.beside))[there, None] * across[there]
-            slope -= (before / far)[there, None] * v[there]
-            slope /= distance[there, None]
+            outside = np.flatnonzero(distance > 0)
+            gradient = (beyond / np.maximum(away, self.beside))[outside, None] * across[outside]
+            gradient -= (in_front / lengths)[outside, None] * v[outside]
+            gradient /= distance[outside, None]
             starts = np.zeros(len(v) + 1, dtype=np.int64)
             np.cumsum(3 * (distance > 0), out=starts[1:])
-            columns = (3 * there[:, None] + np.arange(3)).ravel()
-            return csr_array((slope.ravel(), columns, starts), shape=(len(v), vertices.size))
+            columns = (3 * outside[:, None] + np.arange(3)).ravel()
+            return csr_array((gradient.ravel(), columns, starts), shape=(len(v), vertices.size))
 
         return ContactNumbers(distance[:, None], distance > 0, jacobian)
 
 
 def _spacing(unit: Array) -> float:
     """How far rays are apart, in rad, by unit vectors (M, 3); 0 for less than five."""
-    if len(unit) <= NEIGHBOUR:
+    if len(unit) <= SPACING_NEIGHBOUR:
         return 0.0
-    some = unit[:: -(-len(unit) // SOME)]
-    return float(np.median(cKDTree(unit).query(some, k=[NEIGHBOUR + 1])[0]))
+    sample = unit[:: -(-len(unit) // SPACING_SAMPLE)]
+    return float(np.median(cKDTree(unit).query(sample, k=[SPACING_NEIGHBOUR + 1])[0]))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Index
 from workbench.blocks import Points
 from workbench.errors import BadResidual
-from workbench.residuals.residual import Residual, expressed, given, numbered
+from workbench.residuals.residual import Residual, as_matrix, expressed, numbered
 
 NEGLIGIBLE = 1e-18  # m^2: shorter segments are points, and nearer ones have no direction
 PARALLEL = 1e-10  # the squared sine of an angle below which the ends alone decide
@@ -29,10 +29,13 @@ def gaps(ends: Points | cs.MX, radii: cs.MX | ArrayLike, pairs: ArrayLike) -> cs
     """
     points, r, chosen = _capsules("gaps", ends, radii, pairs)
     i, j = chosen.T
-    at, distance = cs.horzsplit(points), _segment_distance()
+    columns, segment_distance = cs.horzsplit(points), _segment_distance()
     # pair by pair, not by `map`: derivatives then skip the ends that a pair does not read
-    near = [distance(*(at[2 * of + end] for of in (a, b) for end in (0, 1))) for a, b in chosen]
-    return cs.vertcat(*near) - r[i.tolist()] - r[j.tolist()]
+    distances = [
+        segment_distance(*(columns[2 * capsule + end] for capsule in pair for end in (0, 1)))
+        for pair in chosen
+    ]
+    return cs.vertcat(*distances) - r[i.tolist()] - r[j.tolist()]
 
 
 def apart(
@@ -107,7 +110,7 @@ def _capsules(
             f"{name!r} takes two ends for each capsule, not {points.shape[1]} points; "
             "capsule_points of a body has them"
         )
-    r = given(name, "the radii", radii, (C,))
+    r = as_matrix(name, "the radii", radii, (C,))
     if r.shape != (C, 1):
         raise BadResidual(f"{name!r} has {C} capsules, but radii of shape {r.shape}")
     return points, r, numbered(name, "pairs (P", pairs, 2, C)

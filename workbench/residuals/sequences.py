@@ -28,7 +28,7 @@ class Frames:
     """
 
     blocks: FrameBlocks
-    _made: dict[tuple[int, tuple[int, ...]], Points] = field(default_factory=dict, repr=False)
+    _points: dict[tuple[int, tuple[int, ...]], Points] = field(default_factory=dict, repr=False)
 
     @property
     def count(self) -> int:
@@ -49,11 +49,11 @@ class Frames:
             if not 0 <= t < self.count:
                 raise BadResidual(f"there is no frame {t}; the frames are 0 to {self.count - 1}")
         key = points.symbol.__hash__(), chosen
-        if key not in self._made:
-            self._made[key] = self.blocks.points(points, chosen)
-        return self._made[key]
+        if key not in self._points:
+            self._points[key] = self.blocks.points(points, chosen)
+        return self._points[key]
 
-    def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
+    def stacked(self, by_frame: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
         """Columns of single frames, stacked, and the points of frames that they read.
 
         Frames that share one expression, not only equal ones, are evaluated by one map.
@@ -61,91 +61,96 @@ class Frames:
         columns: dict[int, cs.MX] = {}
         reads: list[Points] = []
         groups: dict[int, list[int]] = {}  # of frames with the same expression
-        for t in sorted(each):
-            groups.setdefault(id(each[t][0]), []).append(t)
-        for some in map(tuple, groups.values()):
-            expression, blocks, points = each[some[0]]
-            pairs = [(p, self.points(p, some)) for p in points]
-            reads += [whole for _, whole in pairs]
-            symbols = [(own.symbol, whole.symbol) for own, whole in pairs]
-            read = {s.name() for s in cs.symvar(expression)}
-            own_blocks = [block for name, block in blocks.items() if name in read]
-            found = self.blocks.in_frames(expression, own_blocks, some, symbols)
+        for t in sorted(by_frame):
+            groups.setdefault(id(by_frame[t][0]), []).append(t)
+        for frames in map(tuple, groups.values()):
+            expression, blocks, points = by_frame[frames[0]]
+            pairs = [(p, self.points(p, frames)) for p in points]
+            reads += [in_all for _, in_all in pairs]
+            symbols = [(one.symbol, in_all.symbol) for one, in_all in pairs]
+            symbols_read = {s.name() for s in cs.symvar(expression)}
+            own_blocks = [block for name, block in blocks.items() if name in symbols_read]
+            values = self.blocks.in_frames(expression, own_blocks, frames, symbols)
             if len(groups) == 1:
-                return cs.vec(found), tuple(reads)
-            columns |= zip(some, cs.horzsplit(found), strict=True)
+                return cs.vec(values), tuple(reads)
+            columns |= zip(frames, cs.horzsplit(values), strict=True)
         return cs.vertcat(*[columns[t] for t in sorted(columns)]), tuple(reads)
 
-    def residual(self, each: "_Parts") -> Residual:
+    def residual(self, by_frame: "_Parts") -> Residual:
         """One residual of the sequence, from residuals of single frames with one name.
 
         Raises BadResidual where they differ in more than their rows, points and numbers.
         """
-        order = sorted(each)
-        parts = [each[t][0] for t in order]
+        order = sorted(by_frame)
+        parts = [by_frame[t][0] for t in order]
         first = parts[0]
-        for t, one in zip(order, parts, strict=True):
+        for t, part in zip(order, parts, strict=True):
             for what in ("kernel", "unit", "rows_per_point"):
-                if getattr(one, what) != getattr(first, what):
+                if getattr(part, what) != getattr(first, what):
                     raise BadResidual(
-                        f"residual {one.name!r} has another {what} in frame {t} than in frame "
+                        f"residual {part.name!r} has another {what} in frame {t} than in frame "
                         f"{order[0]}; call it by another name there"
                     )
         expression, points = self.stacked(
-            {t: (one.expression, blocks, one.points) for t, (one, blocks) in each.items()}
+            {t: (part.expression, blocks, part.points) for t, (part, blocks) in by_frame.items()}
         )
-        weights, more = self._weights(each)
-        domain, limited = self._domain(each)
-        distinct = {id(one): one for one in parts}.values()
-        read = dict.fromkeys(name for one in distinct for name in one.reads)
+        weights, of_weights = self._weights(by_frame)
+        domain, of_domain = self._domain(by_frame)
+        distinct = {id(part): part for part in parts}.values()
+        reads = dict.fromkeys(name for part in distinct for name in part.reads)
         return Residual(
             first.name,
             expression,
-            np.concatenate([_for_rows(one.sigma, one, one.size) for one in parts]),
+            np.concatenate([_numbers_for_rows(part.sigma, part, part.size) for part in parts]),
             first.unit,
             first.kernel,
-            tuple({p.symbol.__hash__(): p for p in (*points, *more, *limited)}.values()),
-            None,
-            weights,
-            tuple(self[name] for name in read),
-            first.rows_per_point,
-            tuple(zip(order, parts, strict=True)),
-            domain,
+            tuple({p.symbol.__hash__(): p for p in (*points, *of_weights, *of_domain)}.values()),
+            weights=weights,
+            blocks=tuple(self[name] for name in reads),
+            rows_per_point=first.rows_per_point,
+            by_frame=tuple(zip(order, parts, strict=True)),
+            domain=domain,
         )
 
-    def _domain(self, each: "_Parts") -> tuple[cs.MX | None, tuple[Points, ...]]:
+    def _domain(self, by_frame: "_Parts") -> tuple[cs.MX | None, tuple[Points, ...]]:
         """The domain of all frames: ones in frames that have none."""
 
-        def own(one: Residual) -> cs.MX:
-            points = one.size // one.rows_per_point
-            return cs.MX.ones(points) if one.domain is None else one.domain
+        def domain_of(part: Residual) -> cs.MX:
+            points = part.size // part.rows_per_point
+            return cs.MX.ones(points) if part.domain is None else part.domain
 
-        if all(one.domain is None for one, _ in each.values()):
+        if all(part.domain is None for part, _ in by_frame.values()):
             return None, ()
-        return self._beside(each, own)
+        return self._stacked_once(by_frame, domain_of)
 
-    def _weights(self, each: "_Parts") -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
+    def _weights(self, by_frame: "_Parts") -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
         """The weights of all frames, for points unless a frame has one for each row."""
-        parts = [each[t][0] for t in sorted(each)]
-        if all(one.weights is None for one in parts):
+        parts = [by_frame[t][0] for t in sorted(by_frame)]
+        if all(part.weights is None for part in parts):
             return None, ()
-        by_row = any(_rows(one.weights) not in (1, one.size // one.rows_per_point) for one in parts)
+        by_row = any(
+            _weight_count(part.weights) not in (1, part.size // part.rows_per_point)
+            for part in parts
+        )
 
-        def count(one: Residual) -> int:
-            return one.size if by_row else one.size // one.rows_per_point
+        def count(part: Residual) -> int:
+            return part.size if by_row else part.size // part.rows_per_point
 
-        if not any(isinstance(one.weights, cs.MX) for one in parts):
-            return np.concatenate([_for_rows(one.weights, one, count(one)) for one in parts]), ()
-        return self._beside(each, lambda one: _symbols_for_rows(one.weights, one, count(one)))
+        if not any(isinstance(part.weights, cs.MX) for part in parts):
+            numbers = [_numbers_for_rows(part.weights, part, count(part)) for part in parts]
+            return np.concatenate(numbers), ()
+        return self._stacked_once(
+            by_frame, lambda part: _symbols_for_rows(part.weights, part, count(part))
+        )
 
-    def _beside(
-        self, each: "_Parts", of: Callable[[Residual], cs.MX]
+    def _stacked_once(
+        self, by_frame: "_Parts", column_of: Callable[[Residual], cs.MX]
     ) -> tuple[cs.MX, tuple[Points, ...]]:
         """Columns made of the residuals of frames, once for each, so that frames stay alike."""
-        once = {id(one): one for one, _ in each.values()}
-        made = {key: of(one) for key, one in once.items()}
+        distinct = {id(part): part for part, _ in by_frame.values()}
+        columns = {key: column_of(part) for key, part in distinct.items()}
         return self.stacked(
-            {t: (made[id(one)], blocks, one.points) for t, (one, blocks) in each.items()}
+            {t: (columns[id(part)], blocks, part.points) for t, (part, blocks) in by_frame.items()}
         )
 
 
@@ -153,27 +158,27 @@ _Parts = Mapping[int, tuple[Residual, Described]]  # of frames, and their blocks
 Between = Callable[[Frames], Residual]  # a residual that reads more than one frame
 
 
-def _rows(weights: cs.MX | ArrayLike | None) -> int:
+def _weight_count(weights: cs.MX | ArrayLike | None) -> int:
     if weights is None:
         return 1
     return int(weights.shape[0]) if isinstance(weights, cs.MX) else int(np.size(weights))
 
 
-def _for_rows(value: ArrayLike | None, one: Residual, count: int) -> Array:
+def _numbers_for_rows(value: ArrayLike | None, residual: Residual, count: int) -> Array:
     """Numbers for `count` rows or points, (count,)."""
-    found = np.asarray(1.0 if value is None else value, dtype=float)
-    if found.ndim and len(found) != count:
-        found = np.repeat(found, one.rows_per_point)
-    return np.array(np.broadcast_to(found, (count,)))
+    numbers = np.asarray(1.0 if value is None else value, dtype=float)
+    if numbers.ndim and len(numbers) != count:
+        numbers = np.repeat(numbers, residual.rows_per_point)
+    return np.array(np.broadcast_to(numbers, (count,)))
 
 
-def _symbols_for_rows(weights: cs.MX | ArrayLike | None, one: Residual, count: int) -> cs.MX:
+def _symbols_for_rows(weights: cs.MX | ArrayLike | None, residual: Residual, count: int) -> cs.MX:
     """Weights for `count` rows or points as an expression, (count, 1)."""
     if not isinstance(weights, cs.MX):
-        return cs.MX(cs.DM(_for_rows(weights, one, count)))
+        return cs.MX(cs.DM(_numbers_for_rows(weights, residual, count)))
     if weights.shape[0] == count:
         return weights
-    times = count if weights.shape[0] == 1 else one.rows_per_point
+    times = count if weights.shape[0] == 1 else residual.rows_per_point
     return cs.vec(cs.repmat(weights.T, times, 1))
 
 
@@ -207,30 +212,13 @@ def smooth(
         )
 
     of = what.name if isinstance(what, Points) else what
-    called = f"smooth({of})" if order == 1 else f"smooth({of}, order 2)"
-    given = reals(f"the sigma of residual {name or called!r}", sigma)
-    if not ((given > 0) & np.isfinite(given)).all():
-        raise BadResidual(
-            f"residual {name or called!r} needs a finite sigma above zero, not {given}"
-        )
+    own_name = name or (f"smooth({of})" if order == 1 else f"smooth({of}, order 2)")
+    sigmas = reals(f"the sigma of residual {own_name!r}", sigma)
+    if not ((sigmas > 0) & np.isfinite(sigmas)).all():
+        raise BadResidual(f"residual {own_name!r} needs a finite sigma above zero, not {sigmas}")
 
     def between(frames: Frames) -> Residual:
-        read: tuple[Points, ...] = ()
-        blocks: tuple[Block, ...] = ()
-        if isinstance(what, Points):
-            whole = frames.points(what)
-            values, measured, read = whole.symbol, "m", (whole,)
-            names = what.labels or tuple(map(str, range(what.count)))
-            labels = [f", {point}, {axis}" for point in names for axis in "xyz"]
-        else:
-            block = frames[what]
-            if not block.framed:
-                raise BadResidual(
-                    f"all frames share the block {what!r}, so nothing changes between them; "
-                    "smoothness is of a block that each frame has for itself, or of points"
-                )
-            values, measured, blocks = block.symbol, block.unit, (block,)
-            labels = _entries(block)
+        values, unit, labels, reads, blocks = _moving(frames, what)
         T = frames.count
         if order >= T:
             raise BadResidual(
@@ -241,23 +229,41 @@ def smooth(
         if order == 2:
             difference = difference[:, 1:] - difference[:, :-1]
         size = int(difference.shape[0])
-        if given.size not in (1, size):
+        if sigmas.size not in (1, size):
             raise BadResidual(
-                f"residual {name or called!r} takes one sigma, or one for each of the {size} "
-                f"entries of a frame, not {given.size} of them"
+                f"residual {own_name!r} takes one sigma, or one for each of the {size} "
+                f"entries of a frame, not {sigmas.size} of them"
             )
         return Residual(
-            name or called,
+            own_name,
             cs.vec(difference),
-            np.tile(given.ravel(), T - order) if given.size > 1 else float(given.ravel()[0]),
-            measured,
+            np.tile(sigmas.ravel(), T - order) if sigmas.size > 1 else float(sigmas.ravel()[0]),
+            unit,
             kernel,
-            read,
-            tuple(f"{t} to {t + order}{of}" for t in range(T - order) for of in labels),
+            reads,
+            tuple(f"{t} to {t + order}{label}" for t in range(T - order) for label in labels),
             blocks=blocks,
         )
 
     return between
+
+
+def _moving(
+    frames: Frames, what: str | Points
+) -> tuple[cs.MX, str, list[str], tuple[Points, ...], tuple[Block, ...]]:
+    """Values of all frames, their unit, a label of each entry of a frame, and what is read."""
+    if isinstance(what, Points):
+        in_all = frames.points(what)
+        names = what.labels or tuple(map(str, range(what.count)))
+        labels = [f", {point}, {axis}" for point in names for axis in "xyz"]
+        return in_all.symbol, "m", labels, (in_all,), ()
+    block = frames[what]
+    if not block.framed:
+        raise BadResidual(
+            f"all frames share the block {what!r}, so nothing changes between them; "
+            "smoothness is of a block that each frame has for itself, or of points"
+        )
+    return block.symbol, block.unit, _entries(block), (), (block,)
 
 
 def _entries(block: Block) -> list[str]:

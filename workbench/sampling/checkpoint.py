@@ -41,7 +41,7 @@ class Checkpoint:
 
     def __init__(self, path: Path | None, every: float, write: Callable[[Path], None]) -> None:
         self._path, self._every, self._write = path, every, write
-        self._took, self._written = 0.0, time.perf_counter()
+        self._seconds, self._saved_at = 0.0, time.perf_counter()
         self._keeping = Keeping()
 
     @property
@@ -52,10 +52,10 @@ class Checkpoint:
     def save_now_and_then(self) -> None:
         """Save if the last time was long ago, so that saving takes at most 5 % of the time."""
         began = time.perf_counter()
-        if began - self._written > max(self._every, 20 * self._took):
+        if began - self._saved_at > max(self._every, 20 * self._seconds):
             self.save()
-            self._written = time.perf_counter()
-            self._took = self._written - began
+            self._saved_at = time.perf_counter()
+            self._seconds = self._saved_at - began
 
     def save(self) -> None:
         """Write the file anew."""

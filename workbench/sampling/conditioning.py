@@ -19,8 +19,8 @@ from workbench.problem import Linearization, Problem
 from workbench.sampling.modes import rows_between
 from workbench.sampling.subspace import Subspace
 
-RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
-UNNAMED = 6  # blocks in a sentence
+MOST_RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
+MOST_BLOCKS = 6  # blocks in a sentence
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Conditioning:
     @property
     def holds(self) -> bool:
         """Whether no interval is narrower by more than a factor of 1.2 for what is held."""
-        return bool((self.ratios <= RATIO).all())
+        return bool((self.ratios <= MOST_RATIO).all())
 
     @property
     def worst(self) -> int:
@@ -62,8 +62,9 @@ class Conditioning:
     @property
     def what(self) -> str:
         """The names of what is held fixed."""
-        if len(self.names) > UNNAMED:
-            return f"{', '.join(self.names[:UNNAMED])} and {len(self.names) - UNNAMED} blocks more"
+        if len(self.names) > MOST_BLOCKS:
+            more = len(self.names) - MOST_BLOCKS
+            return f"{', '.join(self.names[:MOST_BLOCKS])} and {more} blocks more"
         return joined(self.names)
 
     def __str__(self) -> str:
@@ -91,12 +92,12 @@ class Conditioning:
         """Why intervals are not usable, and what to do."""
         return (
             f"these draws hold {self.what} fixed, as if known exactly, so that intervals are "
-            f"conditional. {self.wider}; at most {RATIO} is allowed. Name these blocks too, or "
-            "integrate them out, as is done without `--conditional` (in Python rest=integrated)"
+            f"conditional. {self.wider}; at most {MOST_RATIO} is allowed. Name these blocks too, "
+            "or integrate them out, as is done without `--conditional` (in Python rest=integrated)"
         )
 
 
-def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> Conditioning:
+def conditioning(problem: Problem, fixed_values: Array, space: Subspace, z: Array) -> Conditioning:
     """What a subspace holds fixed, and what that does to the spread at z (k,).
 
     What is between two bounds, or two limits of a constraint, has at most the spread of a uniform
@@ -104,23 +105,24 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     marginal either.
     """
     x = space.points(z[None])[0]
-    here = problem.linearize_at(x, given)
+    here = problem.linearize_at(x, fixed_values)
     width = problem.upper - problem.lower
     span = space.span
     held = np.flatnonzero(~(span != 0).any(axis=1))
     J = np.vstack([here.dense, rows_between(problem.lower, problem.upper, np.sqrt(12))])
-    there = problem.stacked_constraints
-    if there is not None:
-        between = np.isfinite(there.upper - there.lower) & ~there.equal
-        A = there.linearize(x, given).rows(between)
-        J = np.vstack([J, A * (np.sqrt(12) / (there.upper - there.lower)[between])[:, None]])
+    constraints = problem.stacked_constraints
+    if constraints is not None:
+        limits = constraints.upper - constraints.lower
+        between = np.isfinite(limits) & ~constraints.equal
+        A = constraints.linearize(x, fixed_values).rows(between)
+        J = np.vstack([J, A * (np.sqrt(12) / limits[between])[:, None]])
     count = problem.free.size - span.shape[1]
     if count == len(held):
         others = np.eye(problem.free.size)[:, held[width[held] > 0]]
     else:  # and directions of the rest that change no residual
         others = scipy.linalg.null_space(span.T)
-    if there is not None and there.equal.any() and others.shape[1]:
-        A = there.linearize(x, given).rows(there.equal)
+    if constraints is not None and constraints.equal.any() and others.shape[1]:
+        A = constraints.linearize(x, fixed_values).rows(constraints.equal)
         others = others @ scipy.linalg.null_space(A @ others)
     conditional = _deviations(J @ span)[: space.size]
     marginal = _deviations(J @ np.hstack([span, others]))[: space.size] if count else conditional
@@ -141,14 +143,14 @@ def _deviations(J: Array) -> Array:
 
 def _named(problem: Problem, held: Index, count: int) -> tuple[str, ...]:
     names = []
-    for name, place in problem.free.slices.items():
-        size = place.stop - place.start
-        here = int(np.sum((held >= place.start) & (held < place.stop)))
-        if here:
-            names.append(name if here == size else f"{here} of the {size} numbers of {name}")
-    left = count - len(held)
-    ways = "1 direction" if left == 1 else f"{left} directions"
-    return (*names, ways) if left else tuple(names)
+    for name, part in problem.free.slices.items():
+        size = part.stop - part.start
+        own = int(np.sum((held >= part.start) & (held < part.stop)))
+        if own:
+            names.append(name if own == size else f"{own} of the {size} numbers of {name}")
+    more = count - len(held)
+    directions = "1 direction" if more == 1 else f"{more} directions"
+    return (*names, directions) if more else tuple(names)
 
 
 def prior_deviations(
@@ -165,8 +167,8 @@ def prior_deviations(
     """
     here = problem.linearize(at)
     named = entries(problem.free, names)
-    told = here.dense[problem.rows_named(tuple(priors))]
-    J = np.vstack([told, rows_between(problem.lower, problem.upper, np.sqrt(12))])
+    of_priors = here.dense[problem.rows_named(tuple(priors))]
+    J = np.vstack([of_priors, rows_between(problem.lower, problem.upper, np.sqrt(12))])
     if not len(J):
         return np.full(len(named), np.inf)
     return np.asarray(np.sqrt(np.diag(Linearization(np.zeros(len(J)), J).covariance))[named])

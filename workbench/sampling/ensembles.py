@@ -23,7 +23,7 @@ from workbench.errors import BadFile
 from workbench.interrupts import Interrupts
 from workbench.sampling.checkpoint import Checkpoint, SavedEnsemble, load, save
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.mixing import TIMES, Mixing
+from workbench.sampling.mixing import LONG_TIMES, Mixing
 from workbench.sampling.modes import (
     ModeSearch,
     improper_in_words,
@@ -34,11 +34,11 @@ from workbench.sampling.modes import (
 from workbench.threads import limited_threads
 
 JUMPS = 0.1  # of the steps
-KEPT = 2e7  # numbers that are kept in memory: 160 MB
-CHECKED = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the steps: when usable then, that is enough
-BURNT = 0.1  # share of the steps that is discarded at least
-BURNT_TIMES = 5.0  # autocorrelation times that are discarded, but no more than half of the steps
-ASKED = 20  # kept steps between two questions whether draws run away
+MOST_NUMBERS = 2e7  # that are kept in memory: 160 MB
+CHECKS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the steps: when usable then, that is enough
+BURN_IN = 0.1  # share of the steps that is discarded at least
+BURN_IN_TIMES = 5.0  # autocorrelation times that are discarded, but no more than half of the steps
+STEPS_BETWEEN = 20  # kept steps between two questions whether draws run away
 
 
 def stepped(z: Array, log_p: Array, density: Callable[[Array], Array], random: Any) -> Mask:
@@ -52,12 +52,12 @@ def stepped(z: Array, log_p: Array, density: Callable[[Array], Array], random: A
     group = np.arange(len(z)) % 2
     random.shuffle(group)
     for half in range(2):
-        ours = np.flatnonzero(group == half)
-        y, factors = move.get_proposal(z[ours], [z[group != half]], random)
-        proposed = density(y)
-        taken = factors + proposed - log_p[ours] > np.log(random.rand(len(ours)))
-        z[ours[taken]], log_p[ours[taken]] = y[taken], proposed[taken]
-        moved[ours[taken]] = True
+        moving = np.flatnonzero(group == half)
+        y, factors = move.get_proposal(z[moving], [z[group != half]], random)
+        log_p_y = density(y)
+        accepted = factors + log_p_y - log_p[moving] > np.log(random.rand(len(moving)))
+        z[moving[accepted]], log_p[moving[accepted]] = y[accepted], log_p_y[accepted]
+        moved[moving[accepted]] = True
     return moved
 
 
@@ -114,13 +114,13 @@ class SamplerSettings:
     @property
     def checks(self) -> list[int]:
         """After how many kept steps the draws are judged: the early checks, and the end."""
-        early = [] if self.whole else [int(self.kept * share) for share in CHECKED]
+        early = [] if self.whole else [int(self.kept * share) for share in CHECKS]
         return [*(n for n in early if n >= 20), self.kept]
 
 
 def thinning(walkers: int, ensembles: int, steps: int, size: int) -> int:
     """Every how many steps one is to be kept, so that all that is kept fits into memory."""
-    kept = np.clip(KEPT / (walkers * ensembles * size), 200, 4000)
+    kept = np.clip(MOST_NUMBERS / (walkers * ensembles * size), 200, 4000)
     return max(1, int(np.ceil(steps / kept)))
 
 
@@ -132,13 +132,13 @@ def without_burn_in(chain: Array, thin: int, acceptance: float, labels: tuple[st
     """
     _, S, _, k = chain.shape
     labels = labels or tuple(map(str, range(k)))
-    first = int(np.ceil(BURNT * S))
+    first = int(np.ceil(BURN_IN * S))
     before = Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
     longest = before.times.max() / thin if S - first > 1 else 0.0
-    wanted = min(BURNT_TIMES * longest, S / 2)
-    if wanted <= first:
+    burn_in = min(BURN_IN_TIMES * longest, S / 2)
+    if burn_in <= first:
         return before
-    first = int(np.ceil(wanted))
+    first = int(np.ceil(burn_in))
     return Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
 
 
@@ -173,22 +173,23 @@ def run(
     if checkpoint is not None and not checkpoint.parent.is_dir():
         raise BadFile(f"cannot write {checkpoint}: there is no such folder; choose another")
     began = time.perf_counter()
-    *seeds, search = np.random.SeedSequence(plan.seed).spawn(plan.ensembles + 1)
+    *seeds, search_seed = np.random.SeedSequence(plan.seed).spawn(plan.ensembles + 1)
     with limited_threads():
         first = mode_from(target, target.subspace.centre)
-        found = modes(target, first, np.random.default_rng(search))
+        mode_search = modes(target, first, np.random.default_rng(search_seed))
         settings = _settings(target, plan)
         if checkpoint is not None and checkpoint.exists():
-            starts = [Ensemble.resumed(target, plan, one) for one in load(checkpoint, settings)]
+            saved = load(checkpoint, settings)
+            each = [Ensemble.resumed(target, plan, ensemble) for ensemble in saved]
         else:
-            starts = [Ensemble.begun(target, plan, found, seed) for seed in seeds]
-        ensembles = _Ensembles(starts, plan, partial(improper_in_words, target, first))
-        kept = Checkpoint(checkpoint, every, lambda path: ensembles.save(path, settings))
+            each = [Ensemble.begun(target, plan, mode_search, seed) for seed in seeds]
+        ensembles = _Ensembles(each, plan, partial(improper_in_words, target, first))
+        file = Checkpoint(checkpoint, every, lambda path: ensembles.save(path, settings))
         stopped, sampling_began = False, time.perf_counter()
         with Interrupts() as interrupts:
             try:
                 for progress in ensembles.advance(sampling_began, interrupts.check):
-                    kept.save_now_and_then()
+                    file.save_now_and_then()
                     if callback is not None:
                         with interrupts.raised_at_once():
                             stop = asks_to_stop(callback(progress))
@@ -197,16 +198,16 @@ def run(
                             break
             except KeyboardInterrupt:
                 stopped = True
-            kept.save()
+            file.save()
     seconds, interrupted = time.perf_counter() - began, stopped or interrupts.pressed
     return EnsembleRun(
         ensembles.chain,
         ensembles.log_prob,
         ensembles.acceptance,
-        found,
+        mode_search,
         seconds,
         interrupted,
-        kept.failure,
+        file.failure,
     )
 
 
@@ -225,11 +226,14 @@ class Ensemble:
 
     @staticmethod
     def begun(
-        target: LogDensity, plan: SamplerSettings, found: ModeSearch, seed: np.random.SeedSequence
+        target: LogDensity,
+        plan: SamplerSettings,
+        mode_search: ModeSearch,
+        seed: np.random.SeedSequence,
     ) -> "Ensemble":
         """An ensemble that begins at draws of Laplace's approximations at the modes."""
         rng = np.random.default_rng(seed)
-        z = walkers_at(target, found.modes, plan.walkers, rng)
+        z = walkers_at(target, mode_search.modes, plan.walkers, rng)
         random = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
         return Ensemble(target, plan, z, target(z), random.get_state())
 
@@ -237,10 +241,11 @@ class Ensemble:
     def resumed(target: LogDensity, plan: SamplerSettings, saved: SavedEnsemble) -> "Ensemble":
         """An ensemble that continues."""
         z, log_p = saved.chain[-1], saved.log_prob[-1]
-        found = Ensemble(target, plan, z, log_p, saved.random_state)
-        found.accepted, found.count = saved.accepted, len(saved.chain)
-        found.chain[: found.count], found.log_prob[: found.count] = saved.chain, saved.log_prob
-        return found
+        ensemble = Ensemble(target, plan, z, log_p, saved.random_state)
+        ensemble.accepted, ensemble.count = saved.accepted, len(saved.chain)
+        ensemble.chain[: ensemble.count] = saved.chain
+        ensemble.log_prob[: ensemble.count] = saved.log_prob
+        return ensemble
 
     def advance(self) -> None:
         """Take steps to the next one that is kept, and keep it."""
@@ -272,14 +277,14 @@ class _Ensembles:
         """
         for goal in self._plan.checks:
             while self._count < goal:
-                for one in self._each:
-                    if one.count < goal:
+                for ensemble in self._each:
+                    if ensemble.count < goal:
                         check()
-                        one.advance()
+                        ensemble.advance()
                 step, seconds = self._count * self._plan.thin, time.perf_counter() - began
                 yield SamplingProgress(step, self._plan.steps, self.acceptance, seconds)
-                last = [one.chain[self._count - 1] for one in self._each]
-                if self._count % ASKED == 0 and self._improper(np.stack(last)):
+                last = [ensemble.chain[self._count - 1] for ensemble in self._each]
+                if self._count % STEPS_BETWEEN == 0 and self._improper(np.stack(last)):
                     return
             if goal < self._plan.kept and self._enough:
                 return
@@ -287,34 +292,34 @@ class _Ensembles:
     @property
     def _count(self) -> int:
         """How many steps all ensembles have kept."""
-        return min(one.count for one in self._each)
+        return min(ensemble.count for ensemble in self._each)
 
     @property
     def acceptance(self) -> float:
         """The share of the proposals that were accepted, in the steps that are kept."""
-        steps = sum(one.count for one in self._each)
-        taken = sum(float(one.accepted.mean()) for one in self._each)
-        return taken / steps if steps else 0.0
+        steps = sum(ensemble.count for ensemble in self._each)
+        accepted = sum(float(ensemble.accepted.mean()) for ensemble in self._each)
+        return accepted / steps if steps else 0.0
 
     @property
     def _enough(self) -> bool:
         mixing = without_burn_in(self.chain, self._plan.thin, self.acceptance, ())
-        return mixing.usable and mixing.length >= TIMES  # an early end leaves nothing in doubt
+        return mixing.usable and mixing.length >= LONG_TIMES  # an early end leaves nothing in doubt
 
     def save(self, path: Path, settings: dict[str, Any]) -> None:
-        """Each ensemble after its last complete step, once each has one."""
+        """Each ensemble after its last complete step, once each has ensemble."""
         if self._count:
-            save(path, [one.saved for one in self._each], settings)
+            save(path, [ensemble.saved for ensemble in self._each], settings)
 
     @property
     def chain(self) -> Array:
         """(E, S, W, k) what all ensembles have."""
-        return np.stack([one.chain[: self._count] for one in self._each])
+        return np.stack([ensemble.chain[: self._count] for ensemble in self._each])
 
     @property
     def log_prob(self) -> Array:
         """(E, S, W) its log densities."""
-        return np.stack([one.log_prob[: self._count] for one in self._each])
+        return np.stack([ensemble.log_prob[: self._count] for ensemble in self._each])
 
 
 def _settings(target: LogDensity, plan: SamplerSettings) -> dict[str, Any]:
@@ -323,12 +328,14 @@ def _settings(target: LogDensity, plan: SamplerSettings) -> dict[str, Any]:
     digest = hashlib.sha256()
     for part in (space.origin, space.along, space.centre, target.fixed):
         digest.update(np.ascontiguousarray(part).tobytes())
-    problem, there = target.problem, target.problem.stacked_constraints
+    problem, constraints = target.problem, target.problem.stacked_constraints
     if problem.bounded:
         digest.update(problem.lower.tobytes() + problem.upper.tobytes())
-    if there is not None:
-        digest.update("\n".join(there.label(row) for row in range(there.size)).encode())
-        digest.update(there.lower.tobytes() + there.upper.tobytes() + there.tolerance.tobytes())
+    if constraints is not None:
+        labels = [constraints.label(row) for row in range(constraints.size)]
+        digest.update("\n".join(labels).encode())
+        for limit in (constraints.lower, constraints.upper, constraints.tolerance):
+            digest.update(limit.tobytes())
     return {
         "domain": problem.domain is not None,  # draws that were made without it may be outside
         "walkers": plan.walkers,

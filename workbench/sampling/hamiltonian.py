@@ -34,24 +34,24 @@ from workbench.sampling.ensembles import (
     without_burn_in,
 )
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.mixing import TIMES, Mixing
+from workbench.sampling.mixing import LONG_TIMES, Mixing
 from workbench.sampling.modes import Mode, nearest_mode
 from workbench.threads import limited_threads
 
-FRACTION = 0.5  # of the step that a chain takes at least
-LONGEST = 64  # leapfrog steps in a trajectory
+LEAST_FRACTION = 0.5  # of the step that a chain takes
+MOST_LEAPFROG_STEPS = 64  # in a trajectory
 SOME_INSIDE = 0.1  # of the ends: fewer, and steps are to become shorter whatever the reason
-WARM = 60  # trajectories of the warm-up
+WARM_UP = 60  # trajectories
 SETTLING = 5  # of them with the step that stays
-FIRST = 0.1  # step at the beginning, in standard deviations of Laplace's approximation
-LEAST, MOST = 1e-3, 1.5  # of a step
-ACCEPTED = 0.95  # of the ends: for evenly wide densities 0.65 to 0.9 (Betancourt et al. 2014)
+FIRST_STEP = 0.1  # in standard deviations of Laplace's approximation
+LEAST_STEP, MOST_STEP = 1e-3, 1.5
+ACCEPTED_SHARE = 0.95  # of the ends: for evenly wide densities 0.65 to 0.9 (Betancourt et al. 2014)
 GAIN = 0.3  # by which the log of the step follows the acceptance
-LENGTH = (0.2 * np.pi, np.pi)  # of trajectories; pi / 2 makes an end of a Gaussian forget its start
-CHECKED = 150  # trajectories after which draws are judged first; then after 2, 4, ... times as many
-FEWEST = 20  # trajectories after the warm-up, whatever the number of steps
-EVERY = 10  # trajectories whose ends are kept with all numbers: one
-WORTH = 5.0  # successive points of a chain that tell as much of a covariance as a single one
+TRAJECTORY_LENGTH = (0.2 * np.pi, np.pi)  # at pi / 2 an end of a Gaussian forgets its start
+FIRST_CHECK = 150  # trajectories after which draws are judged; then after 2, 4, ... times as many
+LEAST_TRAJECTORIES = 20  # after the warm-up, whatever the number of steps
+POINTS_EVERY = 10  # trajectories whose ends are kept with all numbers: one
+POINTS_WORTH_ONE = 5.0  # successive points of a chain tell as much of a covariance as one alone
 
 
 class Chains:
@@ -73,8 +73,8 @@ class Chains:
     def move(self, step: float, length: float, rng: np.random.Generator) -> tuple[float, int]:
         """One trajectory of each chain: the mean chance of acceptance, and its leapfrog steps."""
         N = len(self.u)
-        count = int(np.clip(round(length / step), 1, LONGEST))
-        e = step * rng.uniform(FRACTION, 1.0, size=(N, 1)) * 2 / (1 + FRACTION)
+        count = int(np.clip(round(length / step), 1, MOST_LEAPFROG_STEPS))
+        e = step * rng.uniform(LEAST_FRACTION, 1.0, size=(N, 1)) * 2 / (1 + LEAST_FRACTION)
         p = rng.standard_normal(self.u.shape)
         u, slope, before = self.u, self.slope, self.log_p - 0.5 * np.sum(p**2, axis=1)
         log_p = self.log_p
@@ -86,10 +86,10 @@ class Chains:
                 p = p + 0.5 * e * slope
             change = log_p - 0.5 * np.sum(p**2, axis=1) - before
             chance = np.nan_to_num(np.exp(np.minimum(0.0, change)))
-        self._take(rng.uniform(size=N) < chance, u, log_p, slope)
+        self._move_to(rng.uniform(size=N) < chance, u, log_p, slope)
         return float(chance[self._counted(u)].mean()), count
 
-    def jump(self, found: Sequence[Mode], rng: np.random.Generator) -> None:
+    def jump(self, minima: Sequence[Mode], rng: np.random.Generator) -> None:
         """Each chain tries to go to the place in another mode that corresponds to its own.
 
         From mode i to mode j, z becomes z_j + H_j H_i^-1 (z - z_i), with the halves H of Laplace's
@@ -98,23 +98,25 @@ class Chains:
         posterior stays what it is.
         """
         N, z = len(self.u), self.z
-        i = rng.integers(len(found), size=N)
-        j = (i + rng.integers(1, len(found), size=N)) % len(found)
-        to, volume = np.empty_like(z), np.empty(N)
+        i = rng.integers(len(minima), size=N)
+        j = (i + rng.integers(1, len(minima), size=N)) % len(minima)
+        ends, log_volume = np.empty_like(z), np.empty(N)
         for a, b in sorted({*zip(i.tolist(), j.tolist(), strict=True)}):
-            some, here, there = (i == a) & (j == b), found[a], found[b]
-            to[some] = there.z + (z[some] - here.z) @ np.linalg.solve(here.half.T, there.half.T)
-            volume[some] = np.linalg.slogdet(there.half)[1] - np.linalg.slogdet(here.half)[1]
-        u = np.asarray(np.linalg.solve(self.half, (to - self.centre).T).T)
+            jumping, start, end = (i == a) & (j == b), minima[a], minima[b]
+            turned = np.linalg.solve(start.half.T, end.half.T)
+            ends[jumping] = end.z + (z[jumping] - start.z) @ turned
+            log_dets = [np.linalg.slogdet(mode.half)[1] for mode in (start, end)]
+            log_volume[jumping] = log_dets[1] - log_dets[0]
+        u = np.asarray(np.linalg.solve(self.half, (ends - self.centre).T).T)
         log_p, slope = self._at(u)
         with np.errstate(invalid="ignore"):
-            change = np.nan_to_num(log_p - self.log_p + volume, nan=-np.inf)
-        self._take(np.log(rng.uniform(size=N)) < change, u, log_p, slope)
+            change = np.nan_to_num(log_p - self.log_p + log_volume, nan=-np.inf)
+        self._move_to(np.log(rng.uniform(size=N)) < change, u, log_p, slope)
 
-    def _take(self, taken: Mask, u: Array, log_p: Array, slope: Array) -> None:
-        self.u = np.where(taken[:, None], u, self.u)
-        self.log_p = np.where(taken, log_p, self.log_p)
-        self.slope = np.where(taken[:, None], slope, self.slope)
+    def _move_to(self, accepted: Mask, u: Array, log_p: Array, slope: Array) -> None:
+        self.u = np.where(accepted[:, None], u, self.u)
+        self.log_p = np.where(accepted, log_p, self.log_p)
+        self.slope = np.where(accepted[:, None], slope, self.slope)
 
     def _counted(self, u: Array) -> Mask:
         """Which ends say whether steps are short enough: not those that only a bound refuses."""
@@ -126,20 +128,20 @@ class Chains:
         inside = self._target.allows(self._target.subspace.points(z))
         return inside if inside.mean() > SOME_INSIDE else everywhere
 
-    def whitened(self, seen: Array, found: Sequence[Mode]) -> "Chains":
-        """The same chains in coordinates in which the points seen (M, d) have covariance 1.
+    def whitened(self, points: Array, minima: Sequence[Mode]) -> "Chains":
+        """The same chains in coordinates in which these points u (M, d) have the covariance 1.
 
         The covariance is that around the mean of each mode. The fewer points there are, the more of
         it is taken from the coordinates as they are.
         """
-        d, worth = seen.shape[1], len(seen) / WORTH
-        mean = seen.mean(axis=0)
-        if len(found) > 1:
-            which = nearest_mode(found, self.centre + seen @ self.half.T)
-            means = {i: seen[which == i].mean(axis=0) for i in set(which.tolist())}
-            seen = seen - np.array([means[i] for i in which.tolist()])
-        known = worth / (worth + d)
-        root = np.linalg.cholesky(known * np.cov(seen.T).reshape(d, d) + (1 - known) * np.eye(d))
+        d, independent = points.shape[1], len(points) / POINTS_WORTH_ONE
+        mean = points.mean(axis=0)
+        if len(minima) > 1:
+            nearest = nearest_mode(minima, self.centre + points @ self.half.T)
+            means = {i: points[nearest == i].mean(axis=0) for i in set(nearest.tolist())}
+            points = points - np.array([means[i] for i in nearest.tolist()])
+        known = independent / (independent + d)
+        root = np.linalg.cholesky(known * np.cov(points.T).reshape(d, d) + (1 - known) * np.eye(d))
         u = np.linalg.solve(root, (self.u - mean).T).T
         return Chains(self._target, self.centre + self.half @ mean, self.half @ root, u)
 
@@ -155,15 +157,15 @@ class HamiltonianRun:
     interrupted: bool  # whether it was stopped early
 
 
-def adapted(step: float, chance: float, wanted: float) -> float:
+def adapted(step: float, chance: float, target_chance: float) -> float:
     """The next step, after one with which this share of the ends was accepted."""
-    return float(np.clip(step * np.exp(GAIN * (chance - wanted)), LEAST, MOST))
+    return float(np.clip(step * np.exp(GAIN * (chance - target_chance)), LEAST_STEP, MOST_STEP))
 
 
 def run_hamiltonian(
     target: LogDensity,
     starts: Array,
-    found: Sequence[Mode],
+    minima: Sequence[Mode],
     judged: Callable[[Array], Array],
     labels: tuple[str, ...],
     plan: SamplerSettings,
@@ -172,45 +174,43 @@ def run_hamiltonian(
 ) -> HamiltonianRun:
     """Draw from the target, beginning at `starts` (E W, d), until what is judged is usable.
 
-    `found` are modes, at which the starts are by their shares; the `half` of the first is the first
-    unit of steps. Where there are several, chains also try to jump among them. `judged` takes
+    `minima` are modes, at which the starts are by their shares; the `half` of the first is the
+    first unit of steps. Where there are several, chains also try to jump among them. `judged` takes
     points of all entries (N, d) to what the verdict is on, (N, k), whose names are `labels`. An
     interrupt from the keyboard, or a callback that returns True, ends the run; draws after the
     warm-up are kept.
     """
     began = time.perf_counter()
-    centre, half = starts.mean(axis=0), found[0].half
+    centre, half = starts.mean(axis=0), minima[0].half
     chains = Chains(target, centre, half, np.linalg.solve(half, (starts - centre).T).T)
     kept = _Kept(plan, labels)
     history: list[Array] = []
-    steps, step, stopped = 0, FIRST, False
+    steps, step, stopped = 0, FIRST_STEP, False
     with limited_threads(), Interrupts() as interrupts:
         try:
-            while kept.count < FEWEST or not (steps >= plan.steps or kept.enough):
+            while kept.count < LEAST_TRAJECTORIES or not (steps >= plan.steps or kept.enough):
                 interrupts.check()
-                chance, count = chains.move(step, float(rng.uniform(*LENGTH)), rng)
+                chance, count = chains.move(step, float(rng.uniform(*TRAJECTORY_LENGTH)), rng)
                 steps += count
-                if len(found) > 1:
-                    chains.jump(found, rng)
-                if len(history) < WARM:
-                    if len(history) < WARM - SETTLING:
-                        step = adapted(step, chance, ACCEPTED)
+                if len(minima) > 1:
+                    chains.jump(minima, rng)
+                if len(history) < WARM_UP:
+                    if len(history) < WARM_UP - SETTLING:
+                        step = adapted(step, chance, ACCEPTED_SHARE)
                     history.append(chains.u)
-                    if len(history) == WARM // 2:
-                        seen = np.concatenate(history[-WARM // 4 :])
-                        chains, step = chains.whitened(seen, found), FIRST
+                    if len(history) == WARM_UP // 2:
+                        latest = np.concatenate(history[-WARM_UP // 4 :])
+                        chains, step = chains.whitened(latest, minima), FIRST_STEP
                     kept.warm = steps
                 else:
                     kept.add(judged(chains.z), chains.log_p, chance, steps)
-                    if kept.count % EVERY == 1:
+                    if kept.count % POINTS_EVERY == 1:
                         kept.points.append(target.subspace.points(chains.z))
                 if callback is not None:
-                    taken = min(steps, plan.steps)  # the last trajectory may lead beyond
+                    done = min(steps, plan.steps)  # the last trajectory may lead beyond
                     seconds = time.perf_counter() - began
                     with interrupts.raised_at_once():
-                        progress = SamplingProgress(
-                            taken, plan.steps, chance, seconds, all_free=True
-                        )
+                        progress = SamplingProgress(done, plan.steps, chance, seconds, True)
                         stopped = asks_to_stop(callback(progress))
                     if stopped:
                         break
@@ -228,7 +228,7 @@ class _Kept:
     """What is kept of a run after its warm-up of `warm` leapfrog steps."""
 
     def __init__(self, plan: SamplerSettings, labels: tuple[str, ...]) -> None:
-        self._plan, self._labels, self._goal = plan, labels, CHECKED
+        self._plan, self._labels, self._goal = plan, labels, FIRST_CHECK
         self._z: list[Array] = []
         self._log_p: list[Array] = []
         self._chances, self._steps = 0.0, 0
@@ -253,15 +253,15 @@ class _Kept:
             return False
         self._goal *= 2
         mixing = self.mixing
-        return mixing.usable and mixing.length >= TIMES
+        return mixing.usable and mixing.length >= LONG_TIMES
 
     @property
     def mixing(self) -> Mixing:
         """The draws without burn-in, and what is known of them."""
-        taken = max(1, round((self._steps - self.warm) / self.count))
+        thin = max(1, round((self._steps - self.warm) / self.count))
         acceptance = self._chances / self.count
-        found = without_burn_in(self._by_ensemble(self._z), taken, acceptance, self._labels)
-        return replace(found, discarded=found.discarded + self.warm, proposals=1)
+        mixing = without_burn_in(self._by_ensemble(self._z), thin, acceptance, self._labels)
+        return replace(mixing, discarded=mixing.discarded + self.warm, proposals=1)
 
     @property
     def log_prob(self) -> Array:

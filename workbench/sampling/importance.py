@@ -18,12 +18,12 @@ from workbench.arrays import Array, Index
 from workbench.environment import optional_library
 from workbench.sampling.log_density import LogDensity
 
-TRIED = 4000
-HOLDS = 0.7
+WEIGHED = 4000  # draws
+MOST_K_HAT = 0.7
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
-OFF = 0.05  # of a quantile's level, and of the draws that bounds and constraints forbid
-WIDTH = 0.1  # of the width of an interval of 90 %
-SURELY = 0.4  # of all of these limits: no closer look is needed
+MOST_ERROR = 0.05  # of a quantile's level, and of the draws that bounds and constraints forbid
+MOST_WIDER = 0.1  # of the width of an interval of 90 %
+SURE_SHARE = 0.4  # of all of these limits: no closer look is needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ class Importance:
     remedy: str = "sample more of it, or fix it"  # what to do if it does not hold
     beside: str = ""  # what the entries were compared with; empty if the weights themselves tell
 
-    def of_entries(self, at: Index) -> "Importance":
+    def of_entries(self, places: Index) -> "Importance":
         """The same of some entries (m,)."""
-        labels = tuple(self.labels[i] for i in at)
-        return replace(self, errors=self.errors[at], widths=self.widths[at], labels=labels)
+        labels = tuple(self.labels[i] for i in places)
+        return replace(self, errors=self.errors[places], widths=self.widths[places], labels=labels)
 
     @property
     def error(self) -> float:
@@ -60,7 +60,7 @@ class Importance:
     def worst(self) -> str:
         """The entry with the largest correction, measured by what is allowed."""
         wider = abs(self.widths - 1)
-        return self.labels[int(np.argmax(np.maximum(self.errors / OFF, wider / WIDTH)))]
+        return self.labels[int(np.argmax(np.maximum(self.errors / MOST_ERROR, wider / MOST_WIDER)))]
 
     @property
     def holds(self) -> bool:
@@ -74,37 +74,37 @@ class Importance:
     @property
     def surely(self) -> bool:
         """Whether it holds with so much to spare that no closer look is needed."""
-        return self._within(SURELY)
+        return self._within(SURE_SHARE)
 
     def _within(self, share: float) -> bool:
-        told = bool(self.beside) or self.k_hat <= HOLDS
-        off = max(self.error, self.outside, self.cut_off)
-        return told and off <= share * OFF and bool(abs(self.widths - 1).max() <= share * WIDTH)
+        wider = float(abs(self.widths - 1).max())
+        error = max(self.error, self.outside, self.cut_off)
+        known = bool(self.beside) or self.k_hat <= MOST_K_HAT
+        return known and error <= share * MOST_ERROR and wider <= share * MOST_WIDER
 
     def __str__(self) -> str:
-        told = [
+        parts = [
             f"importance weights leave {self.effective / self.tried:.0%} of the draws effective"
         ]
         if self.outside:
-            told.append(f"{self.outside:.1%} of the draws outside bounds or constraints")
+            parts.append(f"{self.outside:.1%} of the draws outside bounds or constraints")
         if self.cut_off:
-            told.append(
+            parts.append(
                 f"constraints, taken as linear, cut off {self.cut_off:.0%} of what they allow"
             )
-        if self.beside or self.k_hat <= HOLDS:
-            wider = float(abs(self.widths - 1).max())
-            entry = "" if self.error <= OFF and wider <= WIDTH else f", {self.worst}"
-            off = f"quantiles off by {self.error:.3f} and widths by {wider:.0%} at most"
-            told.append(off + entry)
+        wider = float(abs(self.widths - 1).max())
+        entry = "" if self.error <= MOST_ERROR and wider <= MOST_WIDER else f", {self.worst}"
+        errors = f"quantiles off by {self.error:.3f} and widths by {wider:.0%} at most{entry}"
         if self.beside:
-            said = f"(compared with {self.beside}: {told.pop()}; of all free numbers together "
-            said += f"k-hat is {self.k_hat:.2f}, with {'; '.join(told)})"
+            text = f"(compared with {self.beside}: {errors}; of all free numbers together "
+            text += f"k-hat is {self.k_hat:.2f}, with {'; '.join(parts)})"
+        elif self.k_hat <= MOST_K_HAT:
+            text = f"(k-hat {self.k_hat:.2f}; {'; '.join([*parts, errors])})"
         else:
-            limit = f", above {HOLDS}" if self.k_hat > HOLDS else ""
-            said = f"(k-hat {self.k_hat:.2f}{limit}; {'; '.join(told)})"
+            text = f"(k-hat {self.k_hat:.2f}, above {MOST_K_HAT}; {'; '.join(parts)})"
         if self.holds:
-            return f"{self.what} holds {said}"
-        return f"{self.what} does not hold {said}; {self.remedy}"
+            return f"{self.what} holds {text}"
+        return f"{self.what} does not hold {text}; {self.remedy}"
 
 
 def of_the_rest(target: LogDensity, flat: Array, rng: np.random.Generator) -> Importance | None:
@@ -112,7 +112,7 @@ def of_the_rest(target: LogDensity, flat: Array, rng: np.random.Generator) -> Im
     count = target.subspace.rest.shape[1]
     if not count:
         return None
-    z = flat[rng.integers(len(flat), size=TRIED)]
+    z = flat[rng.integers(len(flat), size=WEIGHED)]
     return _weighed(target, z, target(z), rng)
 
 
@@ -120,7 +120,7 @@ def of_laplace(
     target: LogDensity, z: Array, log_q: Array, cut_off: float, rng: np.random.Generator
 ) -> Importance:
     """The importance weights of draws z (N, k) of a Gaussian with log density `log_q` (N,)."""
-    every = max(1, len(z) // TRIED)
+    every = max(1, len(z) // WEIGHED)
     return replace(
         _weighed(target, z[::every], log_q[::every], rng),
         cut_off=cut_off,
@@ -129,16 +129,16 @@ def of_laplace(
     )
 
 
-def compared(told: Importance, z: Array, drawn: Array, beside: str) -> Importance:
+def compared(importance: Importance, z: Array, draws: Array, beside: str) -> Importance:
     """The approximation with draws z (N, k), beside draws (M, k) of the posterior itself."""
-    ends = np.quantile(z, LEVELS, axis=0)
-    found = np.array([np.mean(drawn <= end, axis=0) for end in ends])
-    levels = np.array([np.mean(z <= end, axis=0) for end in ends])
-    right = np.quantile(drawn, LEVELS, axis=0)
+    quantiles = np.quantile(z, LEVELS, axis=0)
+    levels = np.array([np.mean(z <= quantile, axis=0) for quantile in quantiles])
+    right_levels = np.array([np.mean(draws <= quantile, axis=0) for quantile in quantiles])
+    right = np.quantile(draws, LEVELS, axis=0)
     return replace(
-        told,
-        errors=abs(found - levels).max(axis=0),
-        widths=(right[-1] - right[0]) / (ends[-1] - ends[0]),
+        importance,
+        errors=abs(right_levels - levels).max(axis=0),
+        widths=(right[-1] - right[0]) / (quantiles[-1] - quantiles[0]),
         beside=beside,
     )
 
@@ -160,8 +160,8 @@ def _weighed(target: LogDensity, z: Array, log_q: Array, rng: np.random.Generato
         allowed &= np.isfinite(log_p)
     outside = 1 - float(allowed.mean())
     weights /= weights.sum()
-    ends = np.quantile(z, LEVELS, axis=0)
-    below = ends[:, None, :] > z  # (levels, N, k)
+    quantiles = np.quantile(z, LEVELS, axis=0)
+    below = quantiles[:, None, :] > z  # (levels, N, k)
     errors = np.abs(np.einsum("n,lnk->lk", weights, below) - below.mean(axis=1)).max(axis=0)
     right, before = (
         np.array([np.ptp(_weighted_quantiles(column, each)) for column in z.T])

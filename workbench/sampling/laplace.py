@@ -32,16 +32,16 @@ from workbench.sampling.sample import drawn_with_the_rest, jointly, named
 from workbench.sampling.subspace import MOST, Names, Rest, Subspace, fixed, integrated, subspace_of
 from workbench.threads import limited_threads
 
-TRIED = 2000  # draws that are looked at for what linear constraints cut away
+LOOKED_AT = 2000  # draws, for what linear constraints cut away
 ENOUGH = 100  # of them that must be allowed, so that a share of 0.05 is seen
-REACHED = 1e-6  # of the largest value of a linear limit: on it
+ON_LIMIT = 1e-6  # of the largest value of a linear limit
 WIDE = 1 / 30  # over the distance of two bounds: a Gaussian that is flat between them to 0.06 %
 PARTICLES = 1000  # side by side
-WARM = 40  # flights before the first that counts
-APART = 10  # flights from one that counts to the next: in a tail, one alone does not forget
-ROUNDS = 30  # of draws that replace those outside of the domains of residuals, at most
-REFLECTIONS = 2000  # reflections of a flight; one with more is undone, which is as likely both ways
-UNDONE = 0.01  # of all flights, at most
+WARM_UP = 40  # flights before the first that counts
+FLIGHTS_APART = 10  # from one that counts to the next: in a tail, one alone does not forget
+MOST_ROUNDS = 30  # of draws that replace those outside of the domains of residuals
+MOST_REFLECTIONS = 2000  # of a flight; one with more is undone, which is as likely both ways
+MOST_UNDONE = 0.01  # of all flights
 TOUCHING = 1e-12  # of the size of the terms: on the limit, but for rounding
 MOST_LIMITED = 200  # numbers that limits cut the Gaussian off in
 CHAINS = 4  # as many as there are ensembles, so that both are looked at alike
@@ -70,12 +70,13 @@ def truncated_laplace(target: LogDensity, mode: Mode) -> TruncatedGaussian:
     Its mean is the point where the model is least, z* - (J'J)^-1 J'r, wherever that lies: at a
     minimum on a bound it is beyond the bound. An entry that bounds alone hold is uniform there.
     """
-    k, there = len(mode.z), target.problem.stacked_constraints
-    own, moved_along = bounds_of(target), dependent_bounds(target)
-    B = np.vstack([np.eye(k), moved_along[0]])
-    low, high = (np.concatenate([own[i], moved_along[1 + i]]) for i in (0, 1))
+    k, constraints = len(mode.z), target.problem.stacked_constraints
+    own_low, own_high = bounds_of(target)
+    A, other_low, other_high = dependent_bounds(target)
+    B = np.vstack([np.eye(k), A])
+    low, high = np.concatenate([own_low, other_low]), np.concatenate([own_high, other_high])
     below, above = np.isfinite(low), np.isfinite(high)
-    if there is None and not (below.any() or above.any()):
+    if constraints is None and not (below.any() or above.any()):
         return TruncatedGaussian(
             mode.z, mode.half, np.empty((0, k)), np.empty(0), np.zeros(k), mode.cost
         )
@@ -83,18 +84,18 @@ def truncated_laplace(target: LogDensity, mode: Mode) -> TruncatedGaussian:
     x = space.points(mode.z[None])[0]
     here = target.problem.linearize_at(x, target.fixed)
     J = here.jacobian @ space.along
-    half = inverse_half(target, np.vstack([J, rows_between(*bounds_of(target), WIDE)]))
+    half = inverse_half(target, np.vstack([J, rows_between(own_low, own_high, WIDE)]))
     mean = mode.z - half @ (half.T @ (J.T @ here.residual))
     rows = [(B @ half)[below], -(B @ half)[above]]
     margins = [(B @ mean - low)[below], (high - B @ mean)[above]]
-    if there is not None:
-        seen = there.linearize(x, target.fixed)
-        A = seen.along(space.along)
-        moved = A @ (mean - mode.z)
-        for side, limit in ((1.0, seen.lower), (-1.0, seen.upper)):
-            some = np.isfinite(limit) & ~there.equal
-            rows.append(side * (A @ half)[some])
-            margins.append(side * (seen.values + moved - limit)[some])
+    if constraints is not None:
+        linear = constraints.linearize(x, target.fixed)
+        A = linear.along(space.along)
+        c = linear.values + A @ (mean - mode.z)
+        for side, limit in ((1.0, linear.lower), (-1.0, linear.upper)):
+            limited = np.isfinite(limit) & ~constraints.equal
+            rows.append(side * (A @ half)[limited])
+            margins.append(side * (c - limit)[limited])
     start = np.asarray(np.linalg.solve(half, mode.z - mean), dtype=float)
     return TruncatedGaussian(
         mean,
@@ -118,11 +119,11 @@ def share_cut_off(
     F, g, boxed = gaussian.F, gaussian.g, gaussian.boxed
     if target.problem.stacked_constraints is None or boxed == len(F):
         return 0.0
-    z = draws_from(replace(gaussian, F=F[:boxed], g=g[:boxed]), TRIED, rng)[0]
+    z = draws_from(replace(gaussian, F=F[:boxed], g=g[:boxed]), LOOKED_AT, rng)[0]
     w = (z - gaussian.mean) @ np.linalg.inv(gaussian.half).T
     margins = w @ F[boxed:].T + g[boxed:]
     allowed = target.allows(target.subspace.points(z))
-    kept = (margins >= -REACHED * abs(margins).max()).all(axis=1)
+    kept = (margins >= -ON_LIMIT * abs(margins).max()).all(axis=1)
     if (allowed == kept).all():
         return 0.0
     return float(np.mean(~kept[allowed])) if allowed.sum() >= ENOUGH else 1.0
@@ -137,7 +138,7 @@ def draws_in_domain(
     all are outside.
     """
     z, log_q = np.empty((0, len(gaussian.mean))), np.empty(0)
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         more, log_more = draws_from(gaussian, count, rng)
         inside = target.in_domain(more)
         z, log_q = np.concatenate([z, more[inside]]), np.concatenate([log_q, log_more[inside]])
@@ -170,14 +171,14 @@ def truncated_normal(
     """
     g = np.maximum(g, -(F @ start))
     w = np.repeat(start[None], PARTICLES, axis=0)
-    kept, undone, flights = [], 0, WARM + APART * -(-count // PARTICLES)
+    kept, undone, flights = [], 0, WARM_UP + FLIGHTS_APART * -(-count // PARTICLES)
     for flight in range(flights):
         before = w
         w = _flown(F, g, w, rng.standard_normal(w.shape))
         undone += int(np.sum((w == before).all(axis=1)))
-        if flight >= WARM and flight % APART == APART - 1:
+        if flight >= WARM_UP and flight % FLIGHTS_APART == FLIGHTS_APART - 1:
             kept.append(w)
-        if undone > UNDONE * flights * PARTICLES:
+        if undone > MOST_UNDONE * flights * PARTICLES:
             raise NotSupported(
                 "bounds and constraints leave the Gaussian too little room to draw from, so that "
                 "Laplace's approximation says nothing here. If they limit numbers that are "
@@ -189,34 +190,34 @@ def truncated_normal(
 def _flown(F: Array, g: Array, w: Array, v: Array) -> Array:
     """The particles w (N, k) with velocities v after a quarter of a turn."""
     before, w = w, w.copy()
-    left = np.full(len(w), np.pi / 2)
-    lengths = np.sum(F**2, axis=1)
+    time_left = np.full(len(w), np.pi / 2)
+    squares = np.sum(F**2, axis=1)
     going = np.arange(len(w))
-    for _ in range(REFLECTIONS):
-        t, limit = _met(F, g, w[going], v[going])
-        t = np.minimum(t, left[going])
+    for _ in range(MOST_REFLECTIONS):
+        t, limit = _next_limit(F, g, w[going], v[going])
+        t = np.minimum(t, time_left[going])
         c, s = np.cos(t)[:, None], np.sin(t)[:, None]
         w[going], v[going] = w[going] * c + v[going] * s, v[going] * c - w[going] * s
-        left[going] -= t
-        on = left[going] > 0
+        time_left[going] -= t
+        on = time_left[going] > 0
         going, limit = going[on], limit[on]
         if not going.size:
             break
         f = F[limit]
-        speed = np.sum(f * v[going], axis=1) / lengths[limit]
+        speed = np.sum(f * v[going], axis=1) / squares[limit]
         v[going] -= 2 * speed[:, None] * f
     w[going] = before[going]
     return w
 
 
-def _met(F: Array, g: Array, w: Array, v: Array) -> tuple[Array, Index]:
+def _next_limit(F: Array, g: Array, w: Array, v: Array) -> tuple[Array, Index]:
     """When each particle next meets a limit from inside, and which; infinity if none is met."""
     a, b = v @ F.T, w @ F.T  # the limit's value is b cos t + a sin t + g
     size = np.hypot(a, b)
     phase = np.arctan2(-a, b)
     with np.errstate(divide="ignore", invalid="ignore"):
-        falls = np.arccos(np.clip(-g / size, -1, 1)) - phase
-    t = np.where(size > abs(g), np.mod(falls, 2 * np.pi), np.inf)
+        crossing = np.arccos(np.clip(-g / size, -1, 1)) - phase
+    t = np.where(size > abs(g), np.mod(crossing, 2 * np.pi), np.inf)
     touching = b + g <= TOUCHING * (abs(b) + abs(g))
     t = np.where(touching & (a < 0), 0.0, t)
     limit = np.argmin(t, axis=1)
@@ -243,77 +244,77 @@ def laplace(
     those of `against`, which `sample` made of the same entries, or with some that are made for
     this. Raises what `sample` raises, and BadArgument if `against` is of other entries.
     """
-    x, given = problem.split(at)
+    x, fixed_values = problem.split(at)
     if draws < CHAINS:
         raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
-    wanted = named(problem, names) if rest is integrated else None
+    names = named(problem, names)
     # limits on any number cut off the Gaussian of all numbers
     limited = problem.bounded or problem.stacked_constraints is not None
     most = MOST_LIMITED if limited else MOST
-    if wanted is not None and (all_of := jointly(problem, at, wanted, most)):
-        found_whole = laplace(problem, at, all_of, rest=fixed, draws=draws, seed=seed)
-        space = subspace_of(problem, x, given, wanted, rest)
-        return _named_alone(found_whole.marginal(wanted), space, given, against, seed)
+    if rest is integrated and (all_names := jointly(problem, at, names, most)):
+        whole = laplace(problem, at, all_names, rest=fixed, draws=draws, seed=seed)
+        space = subspace_of(problem, x, fixed_values, names, rest)
+        return _judged_by_draws(whole.marginal(names), space, fixed_values, against, seed)
     with limited_threads():
-        subspace = subspace_of(problem, x, given, wanted or names, rest)
-        refuse_flat(problem, given, subspace)
-        target = LogDensity(problem, given, subspace)
-        refuse_undefined(problem, given, subspace.points(subspace.centre[None])[0])
+        subspace = subspace_of(problem, x, fixed_values, names, rest)
+        refuse_flat(problem, fixed_values, subspace)
+        target = LogDensity(problem, fixed_values, subspace)
+        refuse_undefined(problem, fixed_values, subspace.points(subspace.centre[None])[0])
         rng = np.random.default_rng(seed)
         mode = mode_from(target, subspace.centre)
         gaussian = truncated_laplace(target, mode)
         z, log_q = draws_in_domain(target, gaussian, CHAINS * (draws // CHAINS), rng)
         z = np.clip(z, *bounds_of(target))  # a draw on a bound may be beyond it by rounding
-        drawn = z.reshape(CHAINS, -1, 1, subspace.size)
-        weighed = of_laplace(target, z, log_q, share_cut_off(target, gaussian, rng), rng)
-        found = modes(target, mode, np.random.default_rng(np.random.SeedSequence([seed, 1])))
+        chains = z.reshape(CHAINS, -1, 1, subspace.size)
+        importance = of_laplace(target, z, log_q, share_cut_off(target, gaussian, rng), rng)
+        mode_search = modes(target, mode, np.random.default_rng(np.random.SeedSequence([seed, 1])))
         posterior = Posterior(
             problem,
             problem.read(at),
             subspace,
-            drawn,
-            log_q.reshape(drawn.shape[:3]),
-            Mixing(subspace.labels, drawn, 1.0, 0, exact=True),
+            chains,
+            log_q.reshape(chains.shape[:3]),
+            Mixing(subspace.labels, chains, 1.0, 0, exact=True),
             "laplace",
-            found,
-            conditioning(problem, given, subspace, mode.z),
-            weighed,
+            mode_search,
+            conditioning(problem, fixed_values, subspace, mode.z),
+            importance,
         )
         if not subspace.rest.shape[1]:
             return posterior  # the weights are of what is named
-        return _named_alone(posterior, subspace, given, against, seed)
+        return _judged_by_draws(posterior, subspace, fixed_values, against, seed)
 
 
-def _named_alone(
+def _judged_by_draws(
     posterior: Posterior,
     space: Subspace,
-    given: Array,
+    fixed_values: Array,
     against: Posterior | None,
     seed: int,
 ) -> Posterior:
     """The approximation, judged in what is named alone where all free numbers together fail."""
-    told = posterior.importance
+    importance = posterior.importance
     if against is not None and against.labels != posterior.labels:
         raise BadArgument(
             "the draws to compare with are of different entries; give both functions the same names"
         )
-    if told is None or told.holds:
+    if importance is None or importance.holds:
         return posterior
     if against is not None:
         if not against.usable:
             return posterior
         beside = f"{against.mixing.effective.min():,.0f} effective draws by `sample`"
-        drawn = against.flat
+        draws = against.flat
     else:
-        target = LogDensity(posterior.problem, given, space, compiled)
+        target = LogDensity(posterior.problem, fixed_values, space, compiled)
         rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
         whole = drawn_with_the_rest(target, SamplerSettings(WALKERS, CHAINS, STEPS), rng)
         if whole is None or not whole[0].mixing.usable:
             return posterior
         mixing, n = whole[0].mixing, whole[0].points.shape[1]
         beside = f"{mixing.effective.min():,.0f} effective draws of all {n} free numbers"
-        drawn = mixing.draws.reshape(-1, posterior.size)
-    return replace(posterior, importance=compared(told, posterior.flat, drawn, beside))
+        draws = mixing.draws.reshape(-1, posterior.size)
+    return replace(posterior, importance=compared(importance, posterior.flat, draws, beside))
 
 
 @dataclass(frozen=True)
@@ -335,16 +336,13 @@ class EntryComparison:
     @property
     def remark(self) -> str:
         """How the draws differ from Laplace's approximation."""
-        found = []
-        if abs(self.shift) > SHIFTED:
-            found.append("shifted")
-        if self.ratio > WIDER:
-            found.append("wider")
-        if self.ratio < NARROWER:
-            found.append("narrower")
-        if abs(self.skewness) > SKEWED:
-            found.append("curved")
-        return ", ".join(found) or "agrees"
+        remarks = {
+            "shifted": abs(self.shift) > SHIFTED,
+            "wider": self.ratio > WIDER,
+            "narrower": self.ratio < NARROWER,
+            "curved": abs(self.skewness) > SKEWED,
+        }
+        return ", ".join(remark for remark, holds in remarks.items() if holds) or "agrees"
 
 
 def compared_with_laplace(

@@ -11,8 +11,8 @@ from workbench.problem import Problem
 from workbench.problem.costs import CostGradients, CostMethod, Costs, interpreted
 from workbench.sampling.subspace import Subspace
 
-ROUNDED = 1e-10  # of the terms of a sum: zero, but for rounding
-NUDGED = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
+ROUNDING = 1e-10  # of the terms of a sum: zero, but for rounding
+NUDGE = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class LogDensity:
     def __call__(self, z: Array) -> Array:
         """The log density (M,) at z (M, k)."""
         x = self.subspace.points(z)
-        return self._density(x, *self._by(z, x))
+        return self._density(x, *self._argument(z, x))
 
     def at(self, x: Array) -> Array:
         """(M,) for all free numbers, x (M, n)."""
@@ -44,25 +44,25 @@ class LogDensity:
         The gradient does not know of bounds, constraints and domains.
         """
         x = self.subspace.points(z)
-        plain = self.subspace.entries_only
         with np.errstate(all="ignore"):
-            if plain:
+            if self.subspace.entries_only:
                 cost, slope = self._slopes_of_entries(z)
             else:
                 cost, slope = self._slopes_of_all(x)
                 slope = slope @ self.subspace.along
-        known = np.isfinite(cost) & self.allows(x)
-        fine = np.asarray(np.isfinite(slope).all(axis=1))
-        return np.where(known, -cost, -np.inf), np.where(fine[:, None], -slope, 0.0)
+        positive = np.isfinite(cost) & self.allows(x)
+        finite = np.asarray(np.isfinite(slope).all(axis=1))
+        return np.where(positive, -cost, -np.inf), np.where(finite[:, None], -slope, 0.0)
 
     def allows(self, x: Array) -> Mask:
         """Which of the points x (M, n) meet all bounds, and all constraints to their tolerances."""
-        problem, there = self.problem, self.problem.stacked_constraints
+        problem, constraints = self.problem, self.problem.stacked_constraints
         met = np.asarray(((x >= problem.lower) & (x <= problem.upper)).all(axis=1))
-        if there is not None and met.any():
-            values = np.asarray(there.function(x[met].T, self.fixed)).T  # all points in one call
-            miss = np.maximum(there.lower - values, values - there.upper) / there.tolerance
-            met[met] = np.isfinite(values).all(axis=1) & (miss <= 1.0).all(axis=1)
+        if constraints is not None and met.any():
+            c = np.asarray(constraints.function(x[met].T, self.fixed)).T  # all points in one call
+            outside = np.maximum(constraints.lower - c, c - constraints.upper)
+            within = (outside / constraints.tolerance <= 1.0).all(axis=1)
+            met[met] = np.isfinite(c).all(axis=1) & within
         return met
 
     def in_domain(self, z: Array) -> Mask:
@@ -72,22 +72,22 @@ class LogDensity:
         """
         if self.problem.domain is None:
             return np.ones(len(z), dtype=bool)
-        given, costs = self._by(z, self.subspace.points(z))
+        argument, costs = self._argument(z, self.subspace.points(z))
         with np.errstate(all="ignore"):
-            return np.isfinite(costs(given))
+            return np.isfinite(costs(argument))
 
-    def _by(self, z: Array, x: Array) -> tuple[Array, Costs]:
+    def _argument(self, z: Array, x: Array) -> tuple[Array, Costs]:
         """What costs are a function of, z or all free numbers x, and the function."""
         return (z, self._of_entries) if self.subspace.entries_only else (x, self._of_all)
 
-    def _density(self, x: Array, given: Array, costs: Costs) -> Array:
+    def _density(self, x: Array, argument: Array, costs: Costs) -> Array:
         allowed = self.allows(x)
-        found = np.full(len(x), -np.inf)
+        log_p = np.full(len(x), -np.inf)
         if allowed.any():
             with np.errstate(all="ignore"):
-                cost = costs(given[allowed])
-            found[allowed] = np.where(np.isfinite(cost), -cost, -np.inf)
-        return found
+                cost = costs(argument[allowed])
+            log_p[allowed] = np.where(np.isfinite(cost), -cost, -np.inf)
+        return log_p
 
     @cached_property
     def _of_entries(self) -> Costs:
@@ -108,43 +108,43 @@ class LogDensity:
         return self.problem.cost_gradients(self.subspace.origin, self.fixed, None)
 
 
-def refuse_undefined(problem: Problem, given: Array, x: Array) -> None:
+def refuse_undefined(problem: Problem, fixed_values: Array, x: Array) -> None:
     """Raise BadArgument if the residual is not finite at x (n,), or means nothing there."""
-    if not np.isfinite(problem.residual(x, given)).all():
+    if not np.isfinite(problem.residual(x, fixed_values)).all():
         raise BadArgument(
             "the residual is not finite where Laplace's approximation is to begin; solve the "
             "problem first, and begin at its answer"
         )
-    if missed := outside_in_words(problem, given, x):
+    if missed := outside_in_words(problem, fixed_values, x):
         raise BadArgument(
             f"the posterior has no density where it is to begin: {missed}; begin at another answer"
         )
 
 
-def outside_in_words(problem: Problem, given: Array, x: Array) -> str:
+def outside_in_words(problem: Problem, fixed_values: Array, x: Array) -> str:
     """The first domain of a residual that x (n,) is outside of, in words; "" if it is in all."""
-    return "" if problem.domain is None else problem.domain.outside_in_words(x, given)
+    return "" if problem.domain is None else problem.domain.outside_in_words(x, fixed_values)
 
 
-def violation_in_words(problem: Problem, given: Array, x: Array) -> str:
+def violation_in_words(problem: Problem, fixed_values: Array, x: Array) -> str:
     """The first bound, the worst constraint or the first domain that a point x (n,) misses.
 
     In words; "" if there is none.
     """
-    out = np.flatnonzero((x < problem.lower) | (x > problem.upper))
-    if out.size:
-        i = int(out[0])
+    outside = np.flatnonzero((x < problem.lower) | (x > problem.upper))
+    if outside.size:
+        i = int(outside[0])
         limits = f"{problem.lower[i]:g} to {problem.upper[i]:g}"
         return f"{problem.free.label(i)} is {x[i]:g}, outside its bounds of {limits}"
-    there = problem.stacked_constraints
-    if there is not None:
-        values = there.values(x, given)
-        if there.violation(values) > 1.0:
-            return there.worst(values)
-    return outside_in_words(problem, given, x)
+    constraints = problem.stacked_constraints
+    if constraints is not None:
+        values = constraints.values(x, fixed_values)
+        if constraints.violation(values) > 1.0:
+            return constraints.worst(values)
+    return outside_in_words(problem, fixed_values, x)
 
 
-def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
+def refuse_flat(problem: Problem, fixed_values: Array, space: Subspace) -> None:
     """Raise NotSupported if an equation reads what is drawn, or bounds leave an entry one number.
 
     The points that meet an equation have no volume in the space of the draws, so a density on them
@@ -158,21 +158,22 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
             f"{space.labels[int(pinned[0])]} has equal bounds, so there is nothing to draw; name "
             "the other entries alone, or widen its bounds"
         )
-    there = problem.stacked_constraints
-    if there is None or not there.equal.any():
+    constraints = problem.stacked_constraints
+    if constraints is None or not constraints.equal.any():
         return
     moves = space.span
     rng = np.random.default_rng(0)
-    read = np.zeros(there.size, dtype=bool)
-    for size in (0.0, NUDGED, NUDGED):
+    read = np.zeros(constraints.size, dtype=bool)
+    for size in (0.0, NUDGE, NUDGE):
         x = space.origin + size * (1 + abs(space.origin)) * rng.standard_normal(len(space.origin))
-        seen = there.linearize(x, given)
-        read |= (abs(seen.along(moves)) > ROUNDED * seen.magnitudes_along(moves)).any(axis=1)
-    wrong = np.flatnonzero(read & there.equal)
+        here = constraints.linearize(x, fixed_values)
+        read |= (abs(here.along(moves)) > ROUNDING * here.magnitudes_along(moves)).any(axis=1)
+    wrong = np.flatnonzero(read & constraints.equal)
     if wrong.size:
+        equation = constraints.label(int(wrong[0]))
         raise NotSupported(
-            f"constraint {there.label(int(wrong[0]))} is an equation that depends on what is to "
-            "be drawn; the points that meet it have no volume, so no draw can lie on it. Replace "
-            "it by a residual with a sigma that says how exactly it holds, or draw entries that "
-            "it does not depend on. Where it is linear, put what it says into the residuals"
+            f"constraint {equation} is an equation that depends on what is to be drawn; the points "
+            "that meet it have no volume, so no draw can lie on it. Replace it by a residual with "
+            "a sigma that says how exactly it holds, or draw entries that it does not depend on. "
+            "Where it is linear, put what it says into the residuals"
         )

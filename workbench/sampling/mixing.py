@@ -12,23 +12,23 @@ import scipy.special
 from workbench.arrays import Array
 from workbench.environment import optional_library
 
-TOGETHER = 64  # chains in one transform
+CHAINS_AT_ONCE = 64  # in one transform
 WINDOW = 5.0  # autocorrelation times: Sokal's compromise between bias and noise
-TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
-LEAST = 20.0  # and where the time has settled, by what the first half alone says of it
-SETTLED = 1.2  # of the time with twice the length: more, and it is still growing
-SCALE = 1.01  # of R-hat (Vehtari et al. 2021)
-APART = 1.05  # R-hat from which on ensembles are in different places
-DRAWS = 400.0  # effective ones
-ENSEMBLES = 4  # independent ones
+LONG_TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
+SETTLED_TIMES = 20.0  # and where the time has settled, by what the first half alone says of it
+SETTLED_GROWTH = 1.2  # of the time with twice the length: more, and it is still growing
+MOST_R_HAT = 1.01  # Vehtari et al. 2021
+R_HAT_APART = 1.05  # from which on ensembles are in different places
+LEAST_DRAWS = 400.0  # effective ones
+LEAST_ENSEMBLES = 4  # independent ones
 UNLIKELY = 1e-3  # over all entries together: ensembles do not agree by chance
-GROWTH = 1.4  # of the time with twice the length: it does not settle
-GAUSSIAN = 3.5  # steps per dimension that differential evolution takes to forget a Gaussian
-FAR = 2.0  # times as long: no Gaussian's, and growing
-SLOW = 0.01  # of the proposals accepted
+UNSETTLED_GROWTH = 1.4  # of the time with twice the length: it does not settle
+GAUSSIAN_STEPS = 3.5  # per dimension, that differential evolution takes to forget a Gaussian
+FAR_FROM_GAUSSIAN = 2.0  # times as long: no Gaussian's, and growing
+LEAST_ACCEPTANCE = 0.01  # of the proposals
 MARGIN = 1.3  # more steps than are needed if all estimates are right
-FIRST = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
-MANY = 20  # entries that ensembles sample well
+FIRST_TIMES = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
+MANY_ENTRIES = 20  # that ensembles sample well
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of which ensembles are compared
 
 
@@ -56,9 +56,9 @@ def autocovariance(draws: Array) -> Array:
     deviations = (draws - draws.mean()).transpose(0, 2, 1).reshape(-1, S)
     n = scipy.fft.next_fast_len(2 * S)
     power = np.zeros(n // 2 + 1)
-    for first in range(0, len(deviations), TOGETHER):
-        some = scipy.fft.rfft(deviations[first : first + TOGETHER], n, axis=1)
-        power += np.sum(some.real**2 + some.imag**2, axis=0)
+    for first in range(0, len(deviations), CHAINS_AT_ONCE):
+        spectra = scipy.fft.rfft(deviations[first : first + CHAINS_AT_ONCE], n, axis=1)
+        power += np.sum(spectra.real**2 + spectra.imag**2, axis=0)
     covariance: Array = scipy.fft.irfft(power, n)[:S]
     return covariance
 
@@ -98,7 +98,7 @@ class Mixing:
         """The integrated autocorrelation time of each entry (k,)."""
         if self.exact:
             return np.ones(self.draws.shape[3])
-        return self.thin * np.array([integrated_time(one) for one in self._each])
+        return self.thin * np.array([integrated_time(draws) for draws in self._each])
 
     @cached_property
     def growth(self) -> float:
@@ -106,7 +106,7 @@ class Mixing:
         half = self.draws.shape[1] // 2
         if self.exact or half < 2:
             return 1.0
-        before = self.thin * max(integrated_time(one[:, :half]) for one in self._each)
+        before = self.thin * max(integrated_time(draws[:, :half]) for draws in self._each)
         return float(self.times.max() / before) if np.isfinite(before) else np.inf
 
     @property
@@ -122,7 +122,9 @@ class Mixing:
         chain tells its own time well enough (Sokal 1997; emcee's rule); many walkers tell it from
         20 times, where it is at most 1.2 times what the first half of the chains says.
         """
-        return self.length >= TIMES or (self.length >= LEAST and self.growth <= SETTLED)
+        return self.length >= LONG_TIMES or (
+            self.length >= SETTLED_TIMES and self.growth <= SETTLED_GROWTH
+        )
 
     @property
     def effective(self) -> Array:
@@ -132,7 +134,7 @@ class Mixing:
     @cached_property
     def scales(self) -> Array:
         """The R-hat of each entry, (k,)."""
-        return np.array([potential_scale(one) for one in self._each])
+        return np.array([potential_scale(draws) for draws in self._each])
 
     @cached_property
     def chances(self) -> Array:
@@ -191,15 +193,17 @@ class Mixing:
     def _judged(self) -> tuple[Usability, str]:
         E, S, W, k = self.draws.shape
         if self.exact:
-            if (count := E * S * W) < DRAWS:
-                return Usability.TOO_SHORT, f"{count} draws of {DRAWS:.0f} required; draw more"
+            if (count := E * S * W) < LEAST_DRAWS:
+                return (
+                    Usability.TOO_SHORT,
+                    f"{count} draws of {LEAST_DRAWS:.0f} required; draw more",
+                )
             return Usability.USABLE, f"{count} draws"
         if S < 2:
-            return Usability.TOO_SHORT, (
-                f"there is nothing to judge by; take {self.asked(FIRST * GAUSSIAN * k)}"
-            )
+            more = self._more_steps(FIRST_TIMES * GAUSSIAN_STEPS * k)
+            return Usability.TOO_SHORT, f"there is nothing to judge by; take {more}"
         fewer = "sample fewer entries" if k > 1 else "give it bounds: it may have no width"
-        if self.acceptance < SLOW:
+        if self.acceptance < LEAST_ACCEPTANCE:
             return Usability.NOT_MIXING, (
                 f"only {self.acceptance:.1%} of the proposals are accepted; {fewer}"
             )
@@ -209,15 +213,15 @@ class Mixing:
                 f"nearer to the mode, or {fewer}"
             )
         worst, scale = int(np.argmax(self.scales)), float(self.scales.max())
-        if scale > APART:
+        if scale > R_HAT_APART:
             return Usability.NOT_MIXING, (
                 f"independent ensembles are in different places (R-hat {scale:.2f} of "
                 f"{self.labels[worst]}): several modes, or far too few steps. Look at the traces, "
                 "and sample a block that holds the modes together"
             )
-        if E < ENSEMBLES:
+        if E < LEAST_ENSEMBLES:
             return Usability.TOO_SHORT, (
-                f"{E} ensembles cannot vouch for each other; run at least {ENSEMBLES}"
+                f"{E} ensembles cannot vouch for each other; run at least {LEAST_ENSEMBLES}"
             )
         if not self.long_enough:
             return self._short()
@@ -228,13 +232,13 @@ class Mixing:
                 f"{self.labels[int(np.argmin(chance))]} (a chance of {chance.min():.0e}): they "
                 "remember longer than their autocorrelation times say; take more steps, or " + fewer
             )
-        if scale > SCALE or self.effective.min() < DRAWS:
-            few = DRAWS / float(self.effective.min())
-            apart = (scale**2 - 1) / (SCALE**2 - 1)
+        if scale > MOST_R_HAT or self.effective.min() < LEAST_DRAWS:
+            by_draws = LEAST_DRAWS / float(self.effective.min())
+            by_r_hat = (scale**2 - 1) / (MOST_R_HAT**2 - 1)
             return Usability.TOO_SHORT, (
                 f"R-hat is {scale:.3f} and the least effective number of draws "
-                f"{self.effective.min():.0f}, where {SCALE} and {DRAWS:.0f} are required; take "
-                + self.asked(MARGIN * self.steps * max(few, apart))
+                f"{self.effective.min():.0f}, where {MOST_R_HAT} and {LEAST_DRAWS:.0f} are "
+                f"required; take {self._more_steps(MARGIN * self.steps * max(by_draws, by_r_hat))}"
             )
         return Usability.USABLE, (
             f"{self.length:.0f} autocorrelation times, R-hat {scale:.3f}, at least "
@@ -242,38 +246,46 @@ class Mixing:
         )
 
     def _short(self) -> tuple[Usability, str]:
-        said = (
+        length = (
             f"{self.steps} steps are {self.length:.0f} autocorrelation times of {self.slowest} "
             f"({self.times.max():.0f} steps), and "
             + (
-                f"below {LEAST:.0f} not even that time can be believed"
-                if self.length < LEAST
+                f"below {SETTLED_TIMES:.0f} not even that time can be believed"
+                if self.length < SETTLED_TIMES
                 else f"that time, {self.growth:.1f} times what the first half says, has not settled"
             )
         )
         k = len(self.labels)
-        enough = self.steps > FIRST * GAUSSIAN * k  # for a Gaussian: else it is merely too short
-        if enough and self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
+        enough = (
+            self.steps > FIRST_TIMES * GAUSSIAN_STEPS * k
+        )  # for a Gaussian: else it is merely too short
+        if (
+            enough
+            and self.growth > UNSETTLED_GROWTH
+            and self.times.max() > FAR_FROM_GAUSSIAN * GAUSSIAN_STEPS * k
+        ):
             remedy = (
-                f"sample fewer entries (about {MANY})"
-                if k > MANY
+                f"sample fewer entries (about {MANY_ENTRIES})"
+                if k > MANY_ENTRIES
                 else "look at the traces: there may be several modes, or a long and bent ridge"
             )
             return Usability.NOT_MIXING, (
-                f"{said}: it grew by a factor of {self.growth:.1f} when chains grew twice as long, "
-                "so that these cannot tell how many steps are enough. Take several times as many; "
-                f"if the time still grows then, {remedy}"
+                f"{length}: it grew by a factor of {self.growth:.1f} when chains grew twice as "
+                "long, so that these cannot tell how many steps are enough. Take several times as "
+                f"many; if the time still grows then, {remedy}"
             )
-        least = max(self.times.max(), GAUSSIAN * k)  # of a short chain, times come out too short
-        return Usability.TOO_SHORT, f"{said}; take {self.asked(MARGIN * TIMES * least)}"
+        # of a short chain, times come out too short
+        time = max(self.times.max(), GAUSSIAN_STEPS * k)
+        more = self._more_steps(MARGIN * LONG_TIMES * time)
+        return Usability.TOO_SHORT, f"{length}; take {more}"
 
-    def asked(self, wanted: float) -> str:
-        """In words, how many steps a walker should take in all, burn-in included."""
-        taken = self.steps + self.discarded
-        wanted = max(wanted * taken / max(self.steps, 1), 1.1 * taken)
-        unit = 10.0 ** max(np.floor(np.log10(wanted)) - 1, 1)
-        total = int(np.ceil(wanted / unit) * unit)
-        return f"about {total - taken:,} steps more ({total:,} in all for each walker)"
+    def _more_steps(self, needed: float) -> str:
+        """In words, how many more steps to take for as many after the burn-in as are needed."""
+        so_far = self.steps + self.discarded
+        with_burn_in = max(needed * so_far / max(self.steps, 1), 1.1 * so_far)
+        unit = 10.0 ** max(np.floor(np.log10(with_burn_in)) - 1, 1)
+        total = int(np.ceil(with_burn_in / unit) * unit)
+        return f"about {total - so_far:,} steps more ({total:,} in all for each walker)"
 
     @property
     def verdict(self) -> Usability:
@@ -317,5 +329,5 @@ def disagreement(draws: Array, time: float) -> float:
     predicted = draws.var() * time / (S * W)
     if E < 2 or not np.isfinite(predicted) or predicted == 0:
         return np.nan
-    found = draws.reshape(E, -1).mean(axis=1).var(ddof=1)
-    return float(scipy.special.chdtrc(E - 1, (E - 1) * found / predicted))
+    actual = draws.reshape(E, -1).mean(axis=1).var(ddof=1)
+    return float(scipy.special.chdtrc(E - 1, (E - 1) * actual / predicted))

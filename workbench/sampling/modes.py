@@ -15,20 +15,20 @@ from workbench.sampling.log_density import LogDensity, violation_in_words
 from workbench.sampling.subspace import Improper
 
 Vector = Callable[[Array], Array]
-DECREASE = 0.1  # of the cost that the linear model predicts: at a minimum it is less
+NEGLIGIBLE_DECREASE = 0.1  # of the cost, by the linear model: at a minimum it is less
 AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
 INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
-ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
-APART = 1.0  # standard deviations: minima that are nearer to each other are one
-NEGLIGIBLE = 1e-4  # of the largest mass
-POPULATED = 0.01  # of the mass of all: in smaller modes no walker begins, for it would never leave
-COMPARABLE = 0.05  # of the mass of all: a mode that draws have to visit
-VISITED = 0.2  # of a mode's share: fewer of the draws are there, and it counts as missed
-ASSIGNED = 20_000  # draws that are looked at
+ROUNDING = 1e-12  # of the largest entry of a direction: zero, but for rounding
+SAME_MODE = 1.0  # standard deviations: minima that are nearer to each other are one
+NEGLIGIBLE_SHARE = 1e-4  # of the largest mass
+POPULATED_SHARE = 0.01  # of all mass: in smaller modes no walker begins, as it would never leave
+COMPARABLE_SHARE = 0.05  # of the mass of all: a mode that draws have to visit
+VISITED_SHARE = 0.2  # of a mode's share: fewer of the draws are there, and it counts as missed
+MOST_ASSIGNED = 20_000  # draws that are looked at
 REACH = (3.0, 1000.0)  # standard deviations of Laplace's approximation that starts are away
 SHELLS = 8  # of distances, in equal ratios
-TRIED = 128  # points in each of them
-BEYOND = np.geomspace(REACH[1], 1e6 * REACH[1], 7)  # Laplace's standard deviations from a mode
+POINTS_IN_SHELL = 128
+FAR_AWAY = np.geomspace(REACH[1], 1e6 * REACH[1], 7)  # Laplace's standard deviations from a mode
 
 
 class NoMinimum(WorkbenchError):
@@ -46,7 +46,7 @@ class Mode:
     share: float = 1.0  # its share of the mass of all modes
     settled: bool = True  # whether the linear model predicts almost no further decrease of the cost
 
-    def seen(self, into: Array, z: Array) -> "Mode":
+    def mapped(self, into: Array, z: Array) -> "Mode":
         """The same minimum at z (m,) in other coordinates, of which `into` (m, k) is the Jacobian.
 
         Its Gaussian is the marginal where m < k.
@@ -54,7 +54,7 @@ class Mode:
         R = np.linalg.qr((into @ self.half).T, mode="r")
         return replace(self, z=z, half=np.asarray(R).T)
 
-    def away(self, z: Array) -> float:
+    def distance(self, z: Array) -> float:
         """How many standard deviations a point is away, as a root mean square over entries."""
         return float(np.linalg.norm(np.linalg.solve(self.half, z - self.z)) / np.sqrt(len(z)))
 
@@ -84,13 +84,13 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     thin = high - low <= 4 * gap  # trf wants room
     start = np.where(thin, start, np.clip(start, low + gap, high - gap))
     wide = np.where(thin, -np.inf, low), np.where(thin, np.inf, high)
-    ended = scipy.optimize.least_squares(
+    solution = scipy.optimize.least_squares(
         limited_residual, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
     )
-    z, settled = np.asarray(ended.x), True
+    z, settled = np.asarray(solution.x), True
     limited = problem.stacked_constraints is not None or len(dependent_bounds(target)[0])
     if not limited or target.allows(space.points(z[None]))[0]:
-        settled = _predicted_decrease(residual(z), jacobian(z), z, low, high) < DECREASE
+        settled = _predicted_decrease(residual(z), jacobian(z), z, low, high) < NEGLIGIBLE_DECREASE
     else:
         z = _constrained(target, start, residual, jacobian)
     half = covariance_half(target, jacobian(z))
@@ -135,10 +135,10 @@ def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
     bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
     bounded[space.entries] = False
     size = abs(space.along).max(axis=0, initial=0.0)  # what rounding moves does not move
-    bounded &= (abs(space.along) > ROUNDED * size).any(axis=1)
+    bounded &= (abs(space.along) > ROUNDING * size).any(axis=1)
     A = space.along[bounded]
-    there = space.origin[bounded] - A @ space.centre
-    return A, problem.lower[bounded] - there, problem.upper[bounded] - there
+    offset = space.origin[bounded] - A @ space.centre
+    return A, problem.lower[bounded] - offset, problem.upper[bounded] - offset
 
 
 def covariance_half(target: LogDensity, J: Array) -> Array:
@@ -165,9 +165,9 @@ def inverse_half(target: LogDensity, J: Array) -> Array:
     """
     lengths = np.linalg.norm(J, axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
-    _, found, Vt = np.linalg.svd(J / lengths, full_matrices=len(J) < J.shape[1])
+    _, nonzero, Vt = np.linalg.svd(J / lengths, full_matrices=len(J) < J.shape[1])
     s = np.zeros(J.shape[1])
-    s[: found.size] = found
+    s[: nonzero.size] = nonzero
     if (s <= np.finfo(float).eps * max(J.shape) * max(s.max(initial=0), 1e-300)).any():
         direction = abs(Vt[int(np.argmin(s))] / lengths)
         raise Improper(
@@ -179,37 +179,39 @@ def inverse_half(target: LogDensity, J: Array) -> Array:
 
 
 def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: Vector) -> Array:
-    """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns.
+    """The minimum from a start by SciPy's SLSQP, in units of the Jacobian's columns.
 
     Raises NoMinimum if it ends where constraints are violated or a residual means nothing.
     """
-    space, there = target.subspace, target.problem.stacked_constraints
+    space, constraints = target.subspace, target.problem.stacked_constraints
     lengths = np.linalg.norm(jacobian(start), axis=0)
     scale = 1 / np.where(lengths > 0, lengths, 1.0)
     G, low, high = dependent_bounds(target)
-    inside = [
+    gap = [
         INSIDE * np.maximum(1.0, np.where(np.isfinite(side), abs(side), 0)) for side in (low, high)
     ]
-    low, high = low + inside[0], high - inside[1]
+    low, high = low + gap[0], high - gap[1]
     moving = np.zeros(0, dtype=bool)
-    if there is not None:
-        moving = ~there.equal  # an equation between numbers that stay is no matter of z
-        low = np.concatenate([there.lower[moving], low])
-        high = np.concatenate([there.upper[moving], high])
+    if constraints is not None:
+        moving = ~constraints.equal  # an equation between numbers that stay is no matter of z
+        low = np.concatenate([constraints.lower[moving], low])
+        high = np.concatenate([constraints.upper[moving], high])
     below, above = np.isfinite(low), np.isfinite(high)
 
     def margins(u: Array) -> Array:
         z = start + scale * u
         c = G @ z
-        if there is not None:
-            c = np.concatenate([there.values(space.points(z[None])[0], target.fixed)[moving], c])
+        if constraints is not None:
+            c = np.concatenate(
+                [constraints.values(space.points(z[None])[0], target.fixed)[moving], c]
+            )
         return np.concatenate([(c - low)[below], (high - c)[above]])
 
     def margins_jacobian(u: Array) -> Array:
         A = G * scale
-        if there is not None:
-            seen = there.linearize(space.points((start + scale * u)[None])[0], target.fixed)
-            A = np.vstack([seen.along(space.along)[moving] * scale, A])
+        if constraints is not None:
+            here = constraints.linearize(space.points((start + scale * u)[None])[0], target.fixed)
+            A = np.vstack([here.along(space.along)[moving] * scale, A])
         return np.concatenate([A[below], -A[above]])
 
     def cost(u: Array) -> float:
@@ -222,7 +224,7 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
         return np.asarray(scale * (jacobian(z).T @ residual(z)))
 
     least, most = ((side - start) / scale for side in bounds_of(target))
-    ended = scipy.optimize.minimize(
+    solution = scipy.optimize.minimize(
         cost,
         np.zeros(len(start)),
         method="SLSQP",
@@ -231,7 +233,7 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
         constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=margins_jacobian),
         options={"maxiter": 500, "ftol": 1e-10},
     )
-    z = np.asarray(start + scale * ended.x)
+    z = np.asarray(start + scale * solution.x)
     if not (target.allows(space.points(z[None]))[0] and target.in_domain(z[None])[0]):
         why = violation_in_words(target.problem, target.fixed, space.points(z[None])[0])
         raise NoMinimum(
@@ -264,15 +266,15 @@ class ModeSearch:
     def __str__(self) -> str:
         if not self.starts:
             return "no other modes were looked for"
-        said = f"{self.starts} searches for other modes, up to {self.farthest:,.0f} sd away"
+        text = f"{self.starts} searches for other modes, up to {self.farthest:,.0f} sd away"
         if self.components:
-            said += f", from each of {self.components} components of mixtures"
+            text += f", from each of {self.components} components of mixtures"
         if self.boxed:
             entries = "entry" if self.boxed == 1 else "entries"
-            said += f" and all over the bounds of {self.boxed} {entries}"
+            text += f" and all over the bounds of {self.boxed} {entries}"
         count = len(self.modes)
-        said += ", found none" if count == 1 else f", led to {count} modes in all"
-        return said if self.components else f"{said}; a much narrower mode can be missed"
+        text += ", found none" if count == 1 else f", led to {count} modes in all"
+        return text if self.components else f"{text}; a much narrower mode can be missed"
 
 
 def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSearch:
@@ -283,85 +285,93 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
     of the same rotations, for a turn more is no other mode. Other modes may exist that no search
     finds, above all much narrower ones. Those of a mixture are looked for from its components.
     """
-    found = [first]
+    minima = [first]
     wide, farthest, boxed = wide_starts(target, first, rng)
     from_components = component_starts(target, first)
     for start in (*from_components, *wide):
-        try:
-            mode = mode_from(target, shortest_rotations(target, start))
-            turned = shortest_rotations(target, mode.z)
-            if not np.array_equal(turned, mode.z):
-                mode = mode_from(target, turned)
-        except (Improper, NoMinimum, np.linalg.LinAlgError, ValueError):
-            continue
-        if not mode.settled:
-            continue
-        for j, known in enumerate(found):
-            turned = shortest_rotations(target, known.z)
-            near = min(known.away(mode.z), mode.away(turned)) < APART
-            if near and abs(known.cost - mode.cost) < 0.1:
-                found[j] = min(known, mode, key=lambda m: m.cost)
-                break
-        else:
-            found.append(mode)
-    masses = np.array([mode.log_mass for mode in found])
+        mode = _settled_mode(target, start)
+        if mode is not None:
+            _include(minima, mode, target)
+    masses = np.array([mode.log_mass for mode in minima])
     shares = np.exp(masses - masses.max())
     kept = [
         replace(mode, share=float(share))
-        for mode, share in zip(found, shares / shares.sum(), strict=True)
-        if share > NEGLIGIBLE * shares.max()
+        for mode, share in zip(minima, shares / shares.sum(), strict=True)
+        if share > NEGLIGIBLE_SHARE * shares.max()
     ]
     count = len(from_components)
     by_share = tuple(sorted(kept, key=lambda mode: -mode.share))
     return ModeSearch(by_share, len(wide) + count, farthest, boxed, count)
 
 
-def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
+def _settled_mode(target: LogDensity, start: Array) -> Mode | None:
+    """The mode at which a search ends, with rotations at their shortest; None if it finds none."""
+    try:
+        mode = mode_from(target, shortest_rotations(target, start))
+        turned = shortest_rotations(target, mode.z)
+        if not np.array_equal(turned, mode.z):
+            mode = mode_from(target, turned)
+    except (Improper, NoMinimum, np.linalg.LinAlgError, ValueError):
+        return None
+    return mode if mode.settled else None
+
+
+def _include(minima: list[Mode], mode: Mode, target: LogDensity) -> None:
+    """Add a mode to the minima, or keep the lower one of it and the minimum that it repeats."""
+    for j, known in enumerate(minima):
+        turned = shortest_rotations(target, known.z)
+        near = min(known.distance(mode.z), mode.distance(turned)) < SAME_MODE
+        if near and abs(known.cost - mode.cost) < 0.1:
+            minima[j] = min(known, mode, key=lambda m: m.cost)
+            return
+    minima.append(mode)
+
+
+def missed_mode(minima: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
     """The largest mode of comparable mass that draws (N, k) hardly visit, or None.
 
     Returns two shares of this mode: of the mass of all modes, and of the draws.
     """
-    which = nearest_mode(known, draws[:: max(1, len(draws) // ASSIGNED)])
-    shares = ((mode.share, float(np.mean(which == i))) for i, mode in enumerate(known))
-    missed = (s for s in shares if s[0] >= COMPARABLE and s[1] < VISITED * s[0])
+    nearest = nearest_mode(minima, draws[:: max(1, len(draws) // MOST_ASSIGNED)])
+    shares = ((mode.share, float(np.mean(nearest == i))) for i, mode in enumerate(minima))
+    missed = (s for s in shares if s[0] >= COMPARABLE_SHARE and s[1] < VISITED_SHARE * s[0])
     return next(missed, None)
 
 
-def nearest_mode(known: Sequence[Mode], z: Array) -> Index:
+def nearest_mode(minima: Sequence[Mode], z: Array) -> Index:
     """The number of the mode (N,) that each point z (N, k) belongs to: that whose Laplace
     approximation, times its share, has the highest density there.
     """
-    likely = [
+    log_density = [
         np.log(mode.share)
         - np.linalg.slogdet(mode.half)[1]
         - 0.5 * np.sum(np.linalg.solve(mode.half, (z - mode.z).T) ** 2, axis=0)
-        for mode in known
+        for mode in minima
     ]
-    return np.asarray(np.argmax(likely, axis=0))
+    return np.asarray(np.argmax(log_density, axis=0))
 
 
 def walkers_at(
-    target: LogDensity, found: tuple[Mode, ...], count: int, rng: np.random.Generator
+    target: LogDensity, minima: tuple[Mode, ...], count: int, rng: np.random.Generator
 ) -> Array:
     """Draws (count, k) of the modes' Laplace approximations, each mode by its share, in bounds."""
-    shares = np.array([mode.share for mode in found])
-    shares[shares < POPULATED * shares.sum()] = 0.0
-    which = rng.choice(len(found), size=count, p=shares / shares.sum())
-    z = np.empty((count, target.subspace.size))
-    for i, k in enumerate(which):
-        mode = found[int(k)]
-        for _ in range(20):
-            z[i] = mode.z + mode.half @ rng.standard_normal(len(mode.z))
-            if np.isfinite(target(z[i : i + 1])[0]):
-                break
-        else:
-            for _ in range(60):  # so much of the way from the mode that it has a density
-                z[i] = mode.z + 0.5 * (z[i] - mode.z)
-                if np.isfinite(target(z[i : i + 1])[0]):
-                    break
-            else:
-                z[i] = mode.z
-    return z
+    shares = np.array([mode.share for mode in minima])
+    shares[shares < POPULATED_SHARE * shares.sum()] = 0.0
+    chosen = rng.choice(len(minima), size=count, p=shares / shares.sum())
+    return np.array([_walker_at(target, minima[int(i)], rng) for i in chosen])
+
+
+def _walker_at(target: LogDensity, mode: Mode, rng: np.random.Generator) -> Array:
+    """A draw (k,) of a mode's Laplace approximation that has a density."""
+    for _ in range(20):
+        z = mode.z + mode.half @ rng.standard_normal(len(mode.z))
+        if np.isfinite(target(z[None])[0]):
+            return z
+    for _ in range(60):  # so much of the way from the mode that it has a density
+        z = mode.z + 0.5 * (z - mode.z)
+        if np.isfinite(target(z[None])[0]):
+            return z
+    return mode.z
 
 
 def improper_in_words(target: LogDensity, mode: Mode, draws: Array) -> str:
@@ -377,17 +387,18 @@ def improper_in_words(target: LogDensity, mode: Mode, draws: Array) -> str:
     farthest = int(np.argmax(distance))
     if not REACH[1] < distance[farthest] < np.inf:
         return ""
-    way = (z[farthest] - mode.z) / distance[farthest]
-    values = target(mode.z + BEYOND[:, None] * way)
-    fallen, needed = values.max() - values[-1], np.log(BEYOND[-1] / BEYOND[0])
+    direction = (z[farthest] - mode.z) / distance[farthest]
+    values = target(mode.z + FAR_AWAY[:, None] * direction)
+    fallen, needed = values.max() - values[-1], np.log(FAR_AWAY[-1] / FAR_AWAY[0])
     if not fallen < needed:
         return ""
-    most = target.subspace.labels[int(np.argmax(abs(way) / np.linalg.norm(mode.half, axis=1)))]
+    in_sds = abs(direction) / np.linalg.norm(mode.half, axis=1)
+    most = target.subspace.labels[int(np.argmax(in_sds))]
     return (
         f"draws run away without end, above all in {most}. In their direction the log density "
-        f"falls by {fallen:.2g} between {BEYOND[0]:,.0f} and {BEYOND[-1]:,.0f} sd from the mode; "
-        f"were it to fall by less than {needed:.0f} everywhere, its integral would be infinite. "
-        "Give what runs away a prior or bounds"
+        f"falls by {fallen:.2g} between {FAR_AWAY[0]:,.0f} and {FAR_AWAY[-1]:,.0f} sd from the "
+        f"mode; were it to fall by less than {needed:.0f} everywhere, its integral would be "
+        "infinite. Give what runs away a prior or bounds"
     )
 
 
@@ -424,25 +435,27 @@ def wide_starts(
     edges = np.geomspace(*REACH, SHELLS + 1)
     covariance = first.half @ first.half.T
     alone = covariance / np.sqrt(np.diag(covariance))  # columns: one entry by 1 sd, all along
-    found: list[Array] = []
+    starts: list[Array] = []
     farthest = 0.0
     for near, far in pairwise(edges):
-        distance = near * (far / near) ** rng.uniform(size=(TRIED, 1))
-        way = rng.standard_normal((TRIED, k)) @ first.half.T
-        single = rng.integers(k, size=TRIED // 2)
-        way[::2] = rng.choice([-1.0, 1.0], size=(TRIED // 2, 1)) * alone[:, single].T
-        z = np.clip(first.z + distance * way, low, high)
-        chosen = _lowest(target, first, z)
-        if chosen:
+        distance = near * (far / near) ** rng.uniform(size=(POINTS_IN_SHELL, 1))
+        direction = rng.standard_normal((POINTS_IN_SHELL, k)) @ first.half.T
+        single = rng.integers(k, size=POINTS_IN_SHELL // 2)
+        direction[::2] = (
+            rng.choice([-1.0, 1.0], size=(POINTS_IN_SHELL // 2, 1)) * alone[:, single].T
+        )
+        z = np.clip(first.z + distance * direction, low, high)
+        lowest = _lowest(target, first, z)
+        if lowest:
             farthest = far
-        found += chosen
+        starts += lowest
     two_sided = np.isfinite(high - low) & (high > low)
     if two_sided.any():
-        z = first.z + REACH[0] * rng.standard_normal((TRIED, k)) @ first.half.T
-        share = rng.uniform(size=(TRIED, int(two_sided.sum())))
+        z = first.z + REACH[0] * rng.standard_normal((POINTS_IN_SHELL, k)) @ first.half.T
+        share = rng.uniform(size=(POINTS_IN_SHELL, int(two_sided.sum())))
         z[:, two_sided] = low[two_sided] + share * (high - low)[two_sided]
-        found += _lowest(target, first, np.clip(z, low, high))
-    return found, farthest, int(two_sided.sum())
+        starts += _lowest(target, first, np.clip(z, low, high))
+    return starts, farthest, int(two_sided.sum())
 
 
 def component_starts(target: LogDensity, first: Mode) -> list[Array]:
@@ -465,13 +478,13 @@ def component_starts(target: LogDensity, first: Mode) -> list[Array]:
 
 def _lowest(target: LogDensity, first: Mode, z: Array) -> list[Array]:
     """The point of least cost among z (M, k), and that on the other side of the first mode."""
-    value = target(z)
-    known = np.isfinite(value)
-    if not known.any():
+    log_p = target(z)
+    finite = np.isfinite(log_p)
+    if not finite.any():
         return []
-    best = int(np.argmax(value))
-    ways = np.linalg.solve(first.half, (z - first.z).T).T
-    other = known & (ways @ ways[best] < 0)
-    if not other.any():
+    best = int(np.argmax(log_p))
+    directions = np.linalg.solve(first.half, (z - first.z).T).T
+    opposite = finite & (directions @ directions[best] < 0)
+    if not opposite.any():
         return [z[best]]
-    return [z[best], z[int(np.argmax(np.where(other, value, -np.inf)))]]
+    return [z[best], z[int(np.argmax(np.where(opposite, log_p, -np.inf)))]]

@@ -27,8 +27,8 @@ from workbench.sampling.mixing import Mixing, Usability
 from workbench.sampling.modes import Mode, ModeSearch, missed_mode
 from workbench.sampling.subspace import Subspace
 
-MOST = 40  # entries in a summary
-DOUBTED = 1e-6  # the chance of a sum of squares as large
+MOST_SHOWN = 40  # entries in a summary
+DOUBTFUL_CHANCE = 1e-6  # of a sum of squares as large
 
 
 class NotConverged(WorkbenchError):
@@ -141,10 +141,10 @@ class Posterior:
         if verdict is not Usability.USABLE:
             return verdict, why
         if of.missed_mode is not None:
-            share, here = of.missed_mode
+            mode_share, draws_share = of.missed_mode
             return Usability.MODE_MISSED, (
-                f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
-                f"approximation), where {here:.1%} of the draws are. "
+                f"least squares finds another mode with {mode_share:.0%} of the mass (by Laplace's "
+                f"approximation), where {draws_share:.1%} of the draws are. "
             ) + (
                 "Laplace's approximation is of one mode; draw with `sample`"
                 if of.mixing.exact
@@ -168,17 +168,17 @@ class Posterior:
         sequences.
         """
         problem, of = self.problem, self if self.whole is None else self.whole
-        at, given = problem.split(self.given)
-        here = problem.linearize_at(of.subspace.points(of.modes[0].z[None])[0], given)
-        others = [one for one in problem.residuals if one.kernel is not quadratic or one.components]
-        if others or here.by_frames:
+        x, fixed_values = problem.split(self.given)
+        here = problem.linearize_at(of.subspace.points(of.modes[0].z[None])[0], fixed_values)
+        robust = [r for r in problem.residuals if r.kernel is not quadratic or r.components]
+        if robust or here.by_frames:
             return ""
-        J, rows = here.dense, [here.residual, problem.residual(at, given)]
-        squares = min(float(r @ r) for r in rows)  # `at` may be the better minimum
+        J, rows = here.dense, [here.residual, problem.residual(x, fixed_values)]
+        squares = min(float(r @ r) for r in rows)  # x may be the better minimum
         lengths = np.linalg.norm(J, axis=0)
         rank = int(np.linalg.matrix_rank(J / np.where(lengths > 0, lengths, 1.0)))
         freedom = int((J.any(axis=1) | (rows[0] != 0)).sum()) - rank
-        if freedom < 1 or scipy.special.chdtrc(freedom, squares) >= DOUBTED:
+        if freedom < 1 or scipy.special.chdtrc(freedom, squares) >= DOUBTFUL_CHANCE:
             return ""
         return (
             f"the data contradict the sigmas or the priors: the least sum of squares is "
@@ -236,23 +236,24 @@ class Posterior:
         Raises UnknownName for names that are not free, and BadArgument for entries that were not
         sampled.
         """
-        space, meant = self.subspace, entries(self.problem.free, names)
-        if not np.isin(meant, space.entries).all():
+        space, chosen = self.subspace, entries(self.problem.free, names)
+        if not np.isin(chosen, space.entries).all():
             raise BadArgument(
                 f"only what was sampled has a marginal: {some_of(self.labels)}; name some of these"
             )
-        at = np.array([int(np.flatnonzero(space.entries == i)[0]) for i in meant])
-        there, into = space.of_columns(at), np.eye(self.size)[at]
-        modes = tuple(mode.seen(into, mode.z[at]) for mode in self.modes)
-        draws = np.ascontiguousarray(self.draws[..., at])
+        places = np.array([int(np.flatnonzero(space.entries == i)[0]) for i in chosen])
+        marginal_space, into = space.of_columns(places), np.eye(self.size)[places]
+        modes = tuple(mode.mapped(into, mode.z[places]) for mode in self.modes)
+        draws = np.ascontiguousarray(self.draws[..., places])
+        importance = self.importance
         return replace(
             self,
-            subspace=there,
+            subspace=marginal_space,
             draws=draws,
-            mixing=replace(self.mixing, labels=there.labels, draws=draws),
+            mixing=replace(self.mixing, labels=marginal_space.labels, draws=draws),
             mode_search=replace(self.mode_search, modes=modes),
-            conditioning=self.conditioning.of_entries(at),
-            importance=None if self.importance is None else self.importance.of_entries(at),
+            conditioning=self.conditioning.of_entries(places),
+            importance=None if importance is None else importance.of_entries(places),
             whole=self if self.whole is None else self.whole,
         )
 
@@ -285,14 +286,14 @@ class Posterior:
             "posterior": {"z": self.draws.reshape(E, S * W, k)},
             "sample_stats": {"lp": self.log_prob.reshape(E, S * W)},
         }
-        named: dict[str, Any] = {"coords": {"entry": list(self.labels)}, "dims": {"z": ["entry"]}}
+        names: dict[str, Any] = {"coords": {"entry": list(self.labels)}, "dims": {"z": ["entry"]}}
         with warnings.catch_warnings():  # ArviZ 0.x announces 1.0 whenever it is imported
             warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
             arviz = optional_library("arviz", "InferenceData of a posterior")
         if (version_of("arviz") or "") < "1":
-            data = arviz.from_dict(**groups, **named)
+            data = arviz.from_dict(**groups, **names)
         else:
-            data = arviz.from_dict(groups, **named)
+            data = arviz.from_dict(groups, **names)
         data["posterior"].attrs["verdict"] = self.verdict
         return data
 
@@ -350,12 +351,12 @@ class Posterior:
             lines.append(
                 "No intervals are given. The autocorrelation time of each entry, in steps:"
             )
-            wide, mixing = max([5, *map(len, self.labels[:MOST])]), self.mixing
-            for i in np.argsort(-mixing.times)[:MOST]:
+            width, mixing = max([5, *map(len, self.labels[:MOST_SHOWN])]), self.mixing
+            for i in np.argsort(-mixing.times)[:MOST_SHOWN]:
                 name, scale = mixing.labels[i], mixing.scales[i]
-                lines.append(f"{name:{wide}} {mixing.times[i]:>8.0f}   R-hat {scale:.3f}")
-        if self.size > MOST:
-            lines.append(f"and {self.size - MOST} entries more")
+                lines.append(f"{name:{width}} {mixing.times[i]:>8.0f}   R-hat {scale:.3f}")
+        if self.size > MOST_SHOWN:
+            lines.append(f"and {self.size - MOST_SHOWN} entries more")
         return "\n".join(lines)
 
     @property
@@ -376,7 +377,7 @@ class Posterior:
     def _entry_lines(self, truth: Array | None, bars: Array) -> Iterator[str]:
         """A line for each entry, after lines that say what the columns are."""
         held = self.conditioning if self.conditional else None
-        wide, known = max([5, *map(len, self.labels[:MOST])]), bool(np.isfinite(bars).any())
+        width, known = max([5, *map(len, self.labels[:MOST_SHOWN])]), bool(np.isfinite(bars).any())
         if held is not None:
             yield (
                 "The intervals are conditional: they hold only if what is held fixed is known "
@@ -386,16 +387,16 @@ class Posterior:
         if known:
             yield "`contraction` is 1 - sd / (sd of the prior): 0 if the data said nothing"
         yield (
-            f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
+            f"{'entry':{width}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
             + ("" if held is None else f" {'marginal':>9} {'ratio':>7}  {'interval':11}")
             + ("" if truth is None else f" {'truth':>10}")
             + ("  contraction" if known else "")
         ).rstrip()
         numbers = np.column_stack([self.mean, self.sd, self._central(0.9)])
         for i, (label, (mean, sd, low, high)) in enumerate(
-            zip(self.labels[:MOST], numbers, strict=False)
+            zip(self.labels[:MOST_SHOWN], numbers, strict=False)
         ):
-            line = f"{label:{wide}} {mean:>10.4g} {sd:>9.3g} {low:>10.4g} {high:>10.4g}"
+            line = f"{label:{width}} {mean:>10.4g} {sd:>9.3g} {low:>10.4g} {high:>10.4g}"
             line += f"  {self.units[i]:6}"
             if held is not None:
                 line += f" {held.marginal[i]:>9.3g} {held.ratios[i]:>7.3g}  conditional"

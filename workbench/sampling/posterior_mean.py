@@ -18,15 +18,16 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.sampling.hamiltonian import LENGTH, Chains, adapted
+from workbench.sampling.hamiltonian import TRAJECTORY_LENGTH, Chains, adapted
 from workbench.sampling.log_density import LogDensity, refuse_undefined
 from workbench.sampling.modes import covariance_half
 from workbench.sampling.subspace import fixed, movable, subspace_of
 from workbench.threads import limited_threads
 
-CHAINS, WARM, KEPT = 16, 15, 30  # trajectories of each chain: of the warm-up, and after it
-FIRST, SPREAD = 0.3, 0.3  # Laplace's standard deviations: the first step, and how far starts are
-ACCEPTED = 0.8  # of the ends: shorter steps cost more than they bring to a mean
+CHAINS = 16
+WARM_UP, KEPT = 15, 30  # trajectories of each chain: of the warm-up, and after it
+FIRST_STEP, SPREAD = 0.3, 0.3  # in Laplace's standard deviations; the second of the starts
+ACCEPTED_SHARE = 0.8  # of the ends: shorter steps cost more than they bring to a mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,35 +77,35 @@ def posterior_mean(
     >>> import casadi as cs
     >>> x = wb.Block("x", (1,))
     >>> skewed = cs.if_else(x.symbol < 0, 4 * x.symbol, x.symbol)  # wider on the right
-    >>> found = posterior_mean(wb.Problem([Residual("skewed", skewed, 1.0)], ["x"]), {"x": [0.0]})
-    >>> round(float(found.values["x"]), 1)  # sqrt(2 / pi) (1 - 1 / 4)
+    >>> result = posterior_mean(wb.Problem([Residual("skewed", skewed, 1.0)], ["x"]), {"x": [0.0]})
+    >>> round(float(result.values["x"]), 1)  # sqrt(2 / pi) (1 - 1 / 4)
     0.6
     """
     for name, count, least in (("chains", chains, 2), ("trajectories", trajectories, 1)):
         if count < least:
             raise BadArgument(f"`{name}` must be {least} or more, not {count}")
-    x, given = problem.split(at)
+    x, fixed_values = problem.split(at)
     rng = np.random.default_rng(seed)
     with limited_threads():
-        refuse_undefined(problem, given, x)
+        refuse_undefined(problem, fixed_values, x)
         if not (free := movable(problem)).all():
             label = problem.free.label(int(np.argmin(free)))
             raise BadArgument(
                 f"{label} has equal bounds or is in an equation among the constraints, so that no "
                 "draw moves it; hold it fixed (`problem.freeing` with the other names)"
             )
-        space = subspace_of(problem, x, given, None, fixed)
-        target = LogDensity(problem, given, space)
-        half = covariance_half(target, problem.linearize_at(x, given).dense)
+        space = subspace_of(problem, x, fixed_values, None, fixed)
+        target = LogDensity(problem, fixed_values, space)
+        half = covariance_half(target, problem.linearize_at(x, fixed_values).dense)
         start = SPREAD * rng.standard_normal((chains, space.size))
         moving = Chains(target, x, half, start)
         if not np.isfinite(moving.log_p).all():
             moving = Chains(target, x, half, np.zeros_like(start))
-        step, chances, kept = FIRST, list[float](), list[Array]()
-        for k in range(WARM + trajectories):
-            chance, _ = moving.move(step, float(rng.uniform(*LENGTH)), rng)
-            if k < WARM:
-                step = adapted(step, chance, ACCEPTED)
+        step, chances, kept = FIRST_STEP, list[float](), list[Array]()
+        for k in range(WARM_UP + trajectories):
+            chance, _ = moving.move(step, float(rng.uniform(*TRAJECTORY_LENGTH)), rng)
+            if k < WARM_UP:
+                step = adapted(step, chance, ACCEPTED_SHARE)
             else:
                 chances.append(chance)
                 kept.append(moving.z)
@@ -112,7 +113,7 @@ def posterior_mean(
     draws = each.reshape(-1, space.size)
     error = each.mean(axis=0).std(axis=0, ddof=1) / np.sqrt(chains)
     return PosteriorMean(
-        problem.values(draws.mean(axis=0), given),
+        problem.values(draws.mean(axis=0), fixed_values),
         draws,
         draws.std(axis=0),
         error,

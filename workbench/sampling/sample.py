@@ -49,28 +49,28 @@ from workbench.sampling.subspace import (
 )
 from workbench.threads import limited_threads
 
-SAME = 1.0  # standard deviations between two modes that are one in what is named
+SAME_MODE = 1.0  # standard deviations between two modes that are one in what is named
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
-LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble
-WARM_UP = 1000  # leapfrog steps: with fewer, draws of all free numbers do not begin
+LEAPFROG_STEPS = 2  # that are allowed for each step of an ensemble
+LEAST_STEPS = 1000  # leapfrog steps: with fewer, draws of all free numbers do not begin
 
 
 def named(problem: Problem, names: str | Iterable[str] | None) -> tuple[str, ...]:
-    """The names as a tuple: of all free blocks, if none are given."""
+    """The names as a tuple; None means all free blocks."""
     if names is None:
         return problem.free.names
     return (names,) if isinstance(names, str) else tuple(names)
 
 
 def jointly(
-    problem: Problem, at: Mapping[str, ArrayLike], wanted: tuple[str, ...], most: int = MOST
+    problem: Problem, at: Mapping[str, ArrayLike], names: tuple[str, ...], most: int = MOST
 ) -> tuple[str, ...]:
     """The labels of all numbers to be drawn with the named ones, if there are at most so many.
 
     Empty if there are more, if nothing but the named ones can be drawn, or if the others have no
     width. Numbers with equal bounds, and those that equations read, are not drawn.
     """
-    chosen = entries(problem.free, wanted)
+    chosen = entries(problem.free, names)
     if problem.free.size > most or len(chosen) == problem.free.size:
         return ()
     here = problem.linearize_at(*problem.split(at))
@@ -98,43 +98,45 @@ def drawn_with_the_rest(
     None where a direction of the rest has no width or leads to no minimum. Chains begin at draws
     of Laplace's approximation at the modes of everything, each mode by its share of the mass.
     """
-    problem, given, space = target.problem, target.fixed, target.subspace
-    x = space.origin
+    problem, space = target.problem, target.subspace
+    x, fixed_values = space.origin, target.fixed
     free = np.flatnonzero(movable(problem))
-    whole = LogDensity(
-        problem, given, fixed(problem, problem.linearize_at(x, given), x, free), target.way
-    )
+    all_free = fixed(problem, problem.linearize_at(x, fixed_values), x, free)
+    whole = LogDensity(problem, fixed_values, all_free, target.way)
     try:
-        first = mode_from(whole, whole.subspace.centre)
-        found = modes(whole, first, rng)
+        first = mode_from(whole, all_free.centre)
+        mode_search = modes(whole, first, rng)
     except (Improper, NoMinimum, np.linalg.LinAlgError):
         return None
-    starts = walkers_at(whole, found.modes, plan.ensembles * plan.walkers, rng)
+    minima = mode_search.modes
+    starts = walkers_at(whole, minima, plan.ensembles * plan.walkers, rng)
     into = (space.entries[:, None] == free).astype(float)  # (k, c): from all that is free to z
     drawn = run_hamiltonian(
         whole,
         starts,
-        found.modes,
+        minima,
         lambda z: space.centre + (z - x[free]) @ into.T,
         space.labels,
         plan,
         rng,
         callback,
     )
-    return drawn, replace(found, modes=_seen(found.modes, space, x[free], into))
+    return drawn, replace(mode_search, modes=_in_z(minima, space, x[free], into))
 
 
-def _seen(found: tuple[Mode, ...], space: Subspace, centre: Array, into: Array) -> tuple[Mode, ...]:
+def _in_z(
+    minima: tuple[Mode, ...], space: Subspace, centre: Array, into: Array
+) -> tuple[Mode, ...]:
     """The modes in z; those that are the same there are one."""
     kept: list[Mode] = []
-    for mode in found:
-        one = mode.seen(into, space.centre + into @ (mode.z - centre))
+    for minimum in minima:
+        mode = minimum.mapped(into, space.centre + into @ (minimum.z - centre))
         for i, known in enumerate(kept):
-            if max(known.away(one.z), one.away(known.z)) < SAME:
-                kept[i] = replace(known, share=known.share + one.share)
+            if max(known.distance(mode.z), mode.distance(known.z)) < SAME_MODE:
+                kept[i] = replace(known, share=known.share + mode.share)
                 break
         else:
-            kept.append(one)
+            kept.append(mode)
     return tuple(kept)
 
 
@@ -183,14 +185,13 @@ def sample(
     NotSupported for an equation among the constraints that draws would not satisfy or for an entry
     with equal bounds, or BadFile for the checkpoint of another run.
     """
-    x, given = problem.split(at)
-    wanted = named(problem, names) if rest is integrated else None
-    shown = None
-    if wanted is not None and (all_of := jointly(problem, at, wanted)):
-        shown, wanted, names, rest = wanted, None, all_of, fixed
+    x, fixed_values = problem.split(at)
+    names, shown = named(problem, names), None
+    if rest is integrated and (all_names := jointly(problem, at, names)):
+        shown, names, rest = names, all_names, fixed
     with limited_threads():
-        subspace = subspace_of(problem, x, given, wanted or names, rest)
-        refuse_flat(problem, given, subspace)
+        subspace = subspace_of(problem, x, fixed_values, names, rest)
+        refuse_flat(problem, fixed_values, subspace)
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
         if walkers < 2 * k or walkers < 4 or walkers % 2:
@@ -205,33 +206,42 @@ def sample(
         if not 1 <= thin <= steps:
             raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
         plan = SamplerSettings(walkers, ensembles, steps, thin, seed, whole=not stop_when_usable)
-        worth = walkers * ensembles * steps >= WORTH_COMPILING
-        target = LogDensity(problem, given, subspace, compiled if worth else interpreted)
-        if not np.isfinite(target(subspace.centre[None])).all():
-            missed = violation_in_words(problem, given, subspace.points(subspace.centre[None])[0])
-            raise BadArgument(
-                "the posterior has no density where it is to begin: "
-                f"{missed or 'the residual is not finite there'}; solve the problem first, and "
-                "begin at its answer"
-            )
+        worth_compiling = walkers * ensembles * steps >= WORTH_COMPILING
+        way = compiled if worth_compiling else interpreted
+        target = LogDensity(problem, fixed_values, subspace, way)
+        _refuse_no_density(target)
         path = None if checkpoint is None else Path(checkpoint)
         drawn = run(target, plan, checkpoint=path, every=every, callback=callback)
         if not drawn.chain.shape[1]:
             raise KeyboardInterrupt  # before there was anything to keep
-        along = _along_the_ridge(target, problem.read(at), drawn, plan)
+        posterior = _along_the_ridge(target, problem.read(at), drawn, plan)
         if shown is not None:
-            return along.marginal(shown)
-        told = along.importance
-        if told is None or told.surely or drawn.interrupted or along.improper:
-            return along
-        if steps < WARM_UP:
-            remedy = f"take {WARM_UP:,} steps or more, so that all free numbers are sampled"
-            return replace(along, importance=replace(told, remedy=remedy))
-        return _with_the_rest(target, along, plan, callback)
+            return posterior.marginal(shown)
+        importance = posterior.importance
+        if importance is None or importance.surely or drawn.interrupted or posterior.improper:
+            return posterior
+        if steps < LEAST_STEPS:
+            remedy = f"take {LEAST_STEPS:,} steps or more, so that all free numbers are sampled"
+            return replace(posterior, importance=replace(importance, remedy=remedy))
+        return _with_the_rest(target, posterior, plan, callback)
+
+
+def _refuse_no_density(target: LogDensity) -> None:
+    """Raise BadArgument if the posterior has no density at the point where draws are to begin."""
+    space = target.subspace
+    if np.isfinite(target(space.centre[None])).all():
+        return
+    x = space.points(space.centre[None])[0]
+    why = violation_in_words(target.problem, target.fixed, x)
+    raise BadArgument(
+        "the posterior has no density where it is to begin: "
+        f"{why or 'the residual is not finite there'}; solve the problem first, and begin at its "
+        "answer"
+    )
 
 
 def _along_the_ridge(
-    target: LogDensity, given: Values, drawn: EnsembleRun, plan: SamplerSettings
+    target: LogDensity, values: Values, drawn: EnsembleRun, plan: SamplerSettings
 ) -> Posterior:
     """The draws of the ensembles, and what is known of them."""
     space, thin, k = target.subspace, plan.thin, target.subspace.size
@@ -239,7 +249,7 @@ def _along_the_ridge(
     kept, first = mixing.draws, drawn.mode_search.modes[0]
     return Posterior(
         target.problem,
-        given,
+        values,
         space,
         kept,
         drawn.log_prob[:, -kept.shape[1] :],
@@ -256,29 +266,29 @@ def _along_the_ridge(
 
 
 def _with_the_rest(
-    target: LogDensity, along: Posterior, plan: SamplerSettings, callback: Callback
+    target: LogDensity, ridge: Posterior, plan: SamplerSettings, callback: Callback
 ) -> Posterior:
     """Draws of all free numbers in place of those along the ridge, unless only these are usable."""
-    assert along.importance is not None
-    settings = replace(plan, steps=LEAPFROG * plan.steps)
+    assert ridge.importance is not None
+    settings = replace(plan, steps=LEAPFROG_STEPS * plan.steps)
     try:
         whole = drawn_with_the_rest(target, settings, plan.generator(2), callback)
     except KeyboardInterrupt:
-        return replace(along, interrupted=True)
+        return replace(ridge, interrupted=True)
     if whole is None:
-        return along
+        return ridge
     run, mode_search = whole
-    if not run.mixing.usable and along.usable:
-        return replace(along, interrupted=run.interrupted)
+    if not run.mixing.usable and ridge.usable:
+        return replace(ridge, interrupted=run.interrupted)
     return replace(
-        along,
+        ridge,
         draws=run.mixing.draws,
         log_prob=run.log_prob,
         mixing=run.mixing,
         method="hamiltonian",
         mode_search=mode_search,
         importance=None,
-        seconds=along.seconds + run.seconds,
+        seconds=ridge.seconds + run.seconds,
         interrupted=run.interrupted,
         all_free=run.points,
     )

@@ -84,10 +84,12 @@ Rest = Callable[[Problem, Linearization, Array, Index], Subspace]
 Names = str | Iterable[str] | None
 
 
-def subspace_of(problem: Problem, x: Array, given: Array, names: Names, rest: Rest) -> Subspace:
+def subspace_of(
+    problem: Problem, x: Array, fixed_values: Array, names: Names, rest: Rest
+) -> Subspace:
     """The subspace to sample, by names (all that are free if None) and what becomes of the rest."""
-    meant = entries(problem.free, problem.free.names if names is None else names)
-    return rest(problem, problem.linearize_at(x, given), x, meant)
+    sampled = entries(problem.free, problem.free.names if names is None else names)
+    return rest(problem, problem.linearize_at(x, fixed_values), x, sampled)
 
 
 def fixed(problem: Problem, here: Linearization, x: Array, named: Index) -> Subspace:
@@ -123,11 +125,11 @@ def integrated(problem: Problem, here: Linearization, x: Array, named: Index) ->
 def movable(problem: Problem) -> Mask:
     """Which unknowns (n,) can be integrated out: bounds leave room, and no equation reads them."""
     free = problem.lower < problem.upper
-    there = problem.stacked_constraints
-    if there is not None and there.equal.any():
-        pattern = there.function.jac_sparsity(0, 0)  # not its values: one may vanish here
+    constraints = problem.stacked_constraints
+    if constraints is not None and constraints.equal.any():
+        pattern = constraints.function.jac_sparsity(0, 0)  # not its values: one may vanish here
         row, column = (np.array(part) for part in pattern.get_triplet())
-        free[column[there.equal[row]]] = False
+        free[column[constraints.equal[row]]] = False
     return np.asarray(free)
 
 
@@ -164,17 +166,17 @@ def sampling_blocks(layout: Layout, trees: Iterable[Tree]) -> dict[str, tuple[st
         parts["shape and place" if poses else "the small blocks"] = tuple(chosen)
     for tree in trees:
         joints = [k for k in range(1, len(tree.names)) if tree.entries(k, layout)]
-        for some in (joints[i : i + MOST // 3] for i in range(0, len(joints), MOST // 3)):
-            names = [tree.names[k] for k in some]
+        for part in (joints[i : i + MOST // 3] for i in range(0, len(joints), MOST // 3)):
+            names = [tree.names[k] for k in part]
             parts[f"{names[0]} to {names[-1]}" if len(names) > 1 else names[0]] = tuple(
-                name for k in some for name in _of_joint(layout, tree, k)
+                name for k in part for name in _of_joint(layout, tree, k)
             )
     return parts
 
 
 def _of_joint(layout: Layout, tree: Tree, joint: int) -> list[str]:
     """The names of a joint's free numbers: of their row, or one by one."""
-    at = tree.entries(joint, layout)
-    labels = layout.labels_of(at)
+    places = tree.entries(joint, layout)
+    labels = layout.labels_of(places)
     rows = {label.rpartition(", ")[0] for label in labels}
-    return [f"{rows.pop()}]"] if len(at) == 3 and len(rows) == 1 and "" not in rows else labels
+    return [f"{rows.pop()}]"] if len(places) == 3 and len(rows) == 1 and "" not in rows else labels

@@ -65,13 +65,13 @@ def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
                     f"{name} searches between bounds, but {problem.free.label(i)} does not have "
                     "two; bound every free block, or use a solver that needs no bounds"
                 )
-    there = problem.stacked_constraints
-    if there is None:
+    constraints = problem.stacked_constraints
+    if constraints is None:
         return
-    wanted = (("equations", there.equal), ("inequalities", ~there.equal))
-    for what, rows in wanted:
-        if rows.any() and not getattr(abilities, what):
+    for kind, rows in (("equations", constraints.equal), ("inequalities", ~constraints.equal)):
+        if rows.any() and not getattr(abilities, kind):
+            label = constraints.label(int(rows.argmax()))
             raise NotSupported(
-                f"{name} takes no {what}, but the problem has {there.label(int(rows.argmax()))}; "
+                f"{name} takes no {kind}, but the problem has {label}; "
                 "use ipopt, sqp or nlopt-slsqp, or make it a residual with a small sigma"
             )

@@ -21,10 +21,12 @@ from workbench.solvers.oracle import Oracle, StoredBy
 from workbench.solvers.run import Run, has_one_pass
 from workbench.solvers.solution import Callback, Solution, Status
 
-RISE, RISES = 4.0, 8  # of the damping for each step that was tried in vain, and how many count
-SMALLEST, LARGEST = 1e-12, 1e3  # of the largest diagonal entry: below the smallest there is none
-AGAIN = 1e-6  # from which on it rises, if it was below
-MEANING = {  # of IPOPT's return codes that are not STALLED; `ending` decides what has converged
+RISE_PER_TRIAL = 4.0  # of the damping, for each step that was tried in vain
+MOST_RISES = 8  # such steps that count
+SMALLEST_DAMPING = 1e-12  # of the largest entry of J'J: instead of less there is none
+LARGEST_DAMPING = 1e3
+DAMPED_AGAIN_FROM = 1e-6  # of that entry: from here it rises, if it was below
+STATUS_OF_RESULT = {  # for IPOPT's return codes; STALLED for others
     "Solve_Succeeded": Status.CONVERGED,
     "Not_Enough_Degrees_Of_Freedom": Status.INFEASIBLE,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
@@ -95,7 +97,7 @@ class DampedGaussNewton:
 
 
 Hessian = Callable[[Run, Array, Linearization], Stored] | DampedGaussNewton
-DAMPED = DampedGaussNewton()
+DAMPED_HESSIAN = DampedGaussNewton()
 # J'J itself, positive semidefinite, and exact where the residual vanishes
 gauss_newton_hessian = DampedGaussNewton(first_damping=0.0)
 
@@ -107,7 +109,7 @@ class _Last(NamedTuple):
     cost: float
     gradient: Array
     hessian: Stored
-    tried: int
+    trials: int
 
 
 class _Damping:
@@ -123,32 +125,32 @@ class _Damping:
         largest = float(here.column_norms.max(initial=0.0) ** 2)
         if last is None:
             radius = first_radius(x, np.ones_like(x))
-            while self._damping < LARGEST and not (
+            while self._damping < LARGEST_DAMPING and not (
                 float(np.linalg.norm(here.step(self._damping * largest))) <= radius
             ):
                 self._damping *= 2.0
         elif np.array_equal(x, last.x):
             return last.hessian
         else:
-            damping = min(self._next(last, x, here), LARGEST)
-            self._damping = damping if damping > SMALLEST else 0.0
+            damping = min(self._next(last, x, here), LARGEST_DAMPING)
+            self._damping = damping if damping > SMALLEST_DAMPING else 0.0
         H, added = unblocked(here.normal), self._damping * largest
         if isinstance(H, csc_array):
             H = csc_array(H + added * eye_array(len(x)))
         else:
             H = H + added * np.eye(len(x))
-        self._last = _Last(x.copy(), here.cost, here.gradient, H, self._tried)
+        self._last = _Last(x.copy(), here.cost, here.gradient, H, self._trials)
         return H
 
     @property
-    def _tried(self) -> int:
+    def _trials(self) -> int:
         return self._run.meter.counts["residual"] + self._run.one_pass.at_once
 
     def _next(self, last: _Last, x: Array, here: Linearization) -> float:
         """The damping after the step from the last point to x."""
-        cut = self._tried - last.tried - 1
+        cut = self._trials - last.trials - 1
         if cut > 0:
-            return max(self._damping, AGAIN) * RISE ** min(cut, RISES)
+            return max(self._damping, DAMPED_AGAIN_FROM) * RISE_PER_TRIAL ** min(cut, MOST_RISES)
         p = x - last.x
         predicted = -float(last.gradient @ p) - 0.5 * float(p @ (last.hessian @ p))
         if predicted <= 0:  # the step was not to lower the cost, but to meet bounds
@@ -190,9 +192,9 @@ def _nonzeros(problem: Problem, hessian: Hessian) -> csc_array | None:
         normal = gram_of_nonzeros(csc_array(problem.pattern, dtype=float))
         return csc_array(normal + eye_array(n))
     if hessian is exact_hessian:
-        there = Pattern(problem.hessian.sparsity_out(0))
-        nonzeros = len(there.rows)
-        return there.matrix(np.ones(nonzeros)) if is_sparse(n, n, nonzeros) else None
+        pattern = Pattern(problem.hessian.sparsity_out(0))
+        count = len(pattern.rows)
+        return pattern.matrix(np.ones(count)) if is_sparse(n, n, count) else None
     return None
 
 
@@ -221,7 +223,7 @@ class Ipopt(Limits):
             the constraints is added.
     """
 
-    hessian: Hessian | None = DAMPED
+    hessian: Hessian | None = DAMPED_HESSIAN
     _: KW_ONLY
     max_iterations: int = 300
 
@@ -234,9 +236,9 @@ class Ipopt(Limits):
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run("ipopt", self, problem, start, callback) as run:
             _begin(run, self.hessian)  # a start that is not finite ends the run here, too
-            answer = self._ask(run)
-            status = MEANING.get(answer, Status.STALLED)
-            message = f"{ADVICE.get(answer, status.value)} (ipopt: {answer})"
+            return_status = self._ask(run)
+            status = STATUS_OF_RESULT.get(return_status, Status.STALLED)
+            message = f"{ADVICE.get(return_status, status.value)} (ipopt: {return_status})"
             if status is Status.STALLED:
                 run.stall(message)
             raise Stop(status, message)
@@ -244,13 +246,13 @@ class Ipopt(Limits):
 
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""
-        hessian = self.hessian or DAMPED  # limited-memory BFGS does not ask for it
+        hessian = self.hessian or DAMPED_HESSIAN  # limited-memory BFGS does not ask for it
         oracle = Oracle(run, _along(run, hessian), _nonzeros(run.problem, hessian))
-        solver = self._made(oracle, run.problem.stacked_constraints is not None)
+        solver = self._function(oracle, run.problem.stacked_constraints is not None)
         oracle.minimize(solver)
         return str(solver.stats()["return_status"])
 
-    def _made(self, oracle: Oracle, constrained: bool) -> cs.Function:
+    def _function(self, oracle: Oracle, constrained: bool) -> cs.Function:
         """IPOPT as a function of CasADi, which asks the oracle's functions."""
         x, none, weight, y = oracle.symbols.values()
         nlp = {"x": x, "f": oracle.cost(x, none)}
@@ -307,7 +309,7 @@ class Sqp(Limits):
             the constraints is added.
     """
 
-    hessian: Hessian = DAMPED
+    hessian: Hessian = DAMPED_HESSIAN
     _: KW_ONLY
     max_iterations: int = 200
 

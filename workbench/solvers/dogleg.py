@@ -14,8 +14,8 @@ from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, identity
 
-FIRST = 0.9  # of the distance from zero: at zero itself roots and logarithms have no derivative
-AGREED = 0.95  # of the predicted decrease: the linear model holds
+FIRST_SHARE = 0.9  # of the distance from zero, where roots and logarithms have no derivative
+MODEL_HOLDS_FROM = 0.95  # of the predicted decrease
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class RadiusRule:
 
 # Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.3;
 # they leave the first radius to the user
-textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5, first=FIRST)
+textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5, first=FIRST_SHARE)
 # the rule of chumpy, the optimizer with which SMPL was first fitted
 chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25, first=np.inf)
 
 
-def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
+def first_radius(x: Array, D: Array, share: float = FIRST_SHARE) -> float:
     """The radius at the start x (n,) in the metric D (n,): a share of max(|D x|, 1), usually 0.9.
 
     Far from a minimum the linear model may promise the most at a place that it knows nothing about:
@@ -59,7 +59,7 @@ def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
 def model_holds(run: Run, x: Array, here: Linearization, p: Array) -> bool:
     """Whether the cost falls along the step p (n,) by 95 % of what the linear model predicts."""
     predicted = here.predicted_decrease(p)
-    return 0 < AGREED * predicted <= here.cost - run.cost(x + p)
+    return 0 < MODEL_HOLDS_FROM * predicted <= here.cost - run.cost(x + p)
 
 
 def cauchy_point(here: Linearization, D: Array) -> Array:
@@ -113,14 +113,10 @@ class Dogleg(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes no bounds."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.REFUSED,
-            source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
-            note="with the radius rules of chumpy, with which SMPL was first fitted"
-            if self.rule is chumpy
-            else "",
-        )
+        source = "Powell 1970; Madsen, Nielsen and Tingleff 2004"
+        of_chumpy = "with the radius rules of chumpy, with which SMPL was first fitted"
+        note = of_chumpy if self.rule is chumpy else ""
+        return Abilities(Derivative.JACOBIAN, Boxes.REFUSED, source=source, note=note)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""

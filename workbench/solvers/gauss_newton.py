@@ -16,8 +16,8 @@ from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, columns
 
-GROWTH = 2.0  # of a step over the one before
-TRUSTED = 0.1  # of |J p|: how far the linear model may be off where a step may be longer still
+LENGTH_GROWTH = 2.0  # of a step over the one before
+TRUSTED_ERROR = 0.1  # of |J p|: how far the linear model may be off at the end of a long step
 LineSearch = Callable[[Run, Array, Linearization, Array], float]
 
 
@@ -97,8 +97,8 @@ class GaussNewton(Limits):
                 before, change = here.residual, here.along(p)
                 del here  # first: its memory serves the next one
                 x, here = run.move(x + p, 0.0, step.by)
-                next_one = radius_after(p, change, here.residual - before - change)
-                radius = next_one if length < 1 else max(radius, next_one)
+                after = radius_after(p, change, here.residual - before - change)
+                radius = after if length < 1 else max(radius, after)
         return run.solution()
 
 
@@ -110,7 +110,7 @@ def radius_after(p: Array, change: Array, error: Array) -> float:
     grows as the length; the next step may be so long that it would be a tenth.
     """
     share = float(np.linalg.norm(error)) / max(float(np.linalg.norm(change)), 1e-300)
-    return float(np.linalg.norm(p)) * max(GROWTH, TRUSTED / max(share, 1e-16))
+    return float(np.linalg.norm(p)) * max(LENGTH_GROWTH, TRUSTED_ERROR / max(share, 1e-16))
 
 
 @dataclass(frozen=True)
@@ -135,12 +135,7 @@ class SteepestDescent(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian for the length of the step, and is meant for teaching."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.REFUSED,
-            teaching=True,
-            source="Cauchy 1847",
-        )
+        return Abilities(Derivative.JACOBIAN, Boxes.REFUSED, teaching=True, source="Cauchy 1847")
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""

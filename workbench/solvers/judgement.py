@@ -37,8 +37,9 @@ from workbench.solvers.solution import Evaluations, Status
 if TYPE_CHECKING:
     from workbench.solvers.run import Run
 
-BOUGHT = 1e-5  # of the cost: what violations within the tolerances of constraints may gain
-LOOSE = 1e-3  # a gradient tolerance from which on an end is not judged: it is only near a minimum
+GAIN_BY_VIOLATION = 1e-5  # of the cost: what violations within their tolerances may gain
+# a gradient tolerance from which on an end is not judged, because it is only near a minimum
+LOOSE_TOLERANCE = 1e-3
 # what evaluations far away end in, those of the user's residual included, and linear algebra there
 SHOWS_NOTHING = (Stop, TooLarge, MemoryError, np.linalg.LinAlgError)
 MAY_DIVERGE = (
@@ -48,15 +49,16 @@ MAY_DIVERGE = (
     Status.MAX_EVALUATIONS,
     Status.NO_FINITE_MINIMUM,
 )
-NAMED = 6  # unknowns in a message; there may be thousands
-NUDGE, LARGEST_NUDGE = 1e-3, 0.1  # of the size of an unknown, or of 1
-NUDGED = 20  # unknowns at most that are tried one by one
-PROBE = 1e-3  # of the size of an unknown: how far the second gradient is taken
-HARMLESS = 1e-6  # of the cost, which is 1/2 for one sigma: a fall by less changes no answer
-WEAK = 1e-3  # of the residual: what an unknown of its size changes, if it is perhaps insensitive
-BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two vectors, and no reason to change
-MOST = 300  # unknowns: with more, singular values take too long
-SUSPECT = 1e-6  # of the largest singular value: what J'J cannot tell from zero
+MAY_BE_INSENSITIVE = (Status.CONVERGED, Status.STALLED, Status.NO_FINITE_MINIMUM)
+MOST_NAMED = 6  # unknowns in a message; there may be thousands
+SMALLEST_NUDGE, LARGEST_NUDGE = 1e-3, 0.1  # of the size of an unknown, or of 1
+MOST_NUDGED = 20  # unknowns at most that are tried one by one
+CURVATURE_STEP = 1e-3  # of the size of an unknown: how far away the second gradient is taken
+HARMLESS_FALL = 1e-6  # of the cost, which is 1/2 for one sigma: a fall by less changes no answer
+WEAK_EFFECT = 1e-3  # of the residual: changed by less, an unknown is perhaps insensitive
+HALF_A_TURN = np.pi * (1 + 1e-6)  # exactly there, two vectors are as short as each other
+RANK_UP_TO = 300  # unknowns: of more, singular values take too long
+MAYBE_NULL = 1e-6  # of the largest singular value: J'J cannot tell a smaller one from zero
 
 
 @dataclass(frozen=True)
@@ -76,66 +78,88 @@ def ending(run: "Run", stop: Stop) -> Ending:
     """Choose the best point of a run, and judge it by the problem, whatever the solver reports.
 
     What cannot be evaluated shows nothing. After Ctrl-C nothing is looked for, and neither is it
-    where the gradient tolerance is `LOOSE`, as in a stage whose end is only a start.
+    with a gradient tolerance of `LOOSE_TOLERANCE`, as in a stage whose end is only a start.
     """
     status, message, best = stop.status, stop.message, run.best
     if not np.isfinite(best.cost):
         return Ending(status, message)
     try:
-        cheapest = best.x
-        here = _judged(run, cheapest)
-        optimality = best.decide(run.rounding_noise.optimality(cheapest, here))
-        if best.x is not cheapest:
-            here = _judged(run, best.x)
-        here, optimality = _wrapped(run, here, optimality)
+        here, optimality = _at_best(run)
         end = end_point(run, here)
         silent = np.maximum(run.longest_columns, here.column_norms) == 0
     except Exception as error:  # of the user's residual; the best point is still known
         return Ending(status, f"{message} (no gradient at the best point: {error})")
-    converged = optimality <= run.limits.gradient_tolerance
-    ended = converged or status in (Status.CONVERGED, Status.STALLED, Status.NO_FINITE_MINIMUM)
     free, read = run.problem.free, run.problem.support.read
     unread, unnoticed = (free.labels_of(np.flatnonzero(silent & m)) for m in (~read, read))
     result = Ending(status, message, optimality, (*unread, *unnoticed))
-    if best.violation > 1:
-        infeasible = replace(result, status=Status.INFEASIBLE, message=_violation(run))
-        return infeasible if status in (Status.CONVERGED, Status.STALLED) else result
-    no_minimum, is_level = None, False
-    gone = running = np.zeros(len(best.x), dtype=bool)
+    constraints = run.problem.stacked_constraints
+    if constraints is not None and best.violation > 1:
+        if status not in (Status.CONVERGED, Status.STALLED):
+            return result
+        worst = constraints.worst(constraints.values(best.x, run.fixed))
+        message = f"{worst}; {Status.INFEASIBLE.value}"
+        return replace(result, status=Status.INFEASIBLE, message=message)
+    converged, is_level, other = optimality <= run.limits.gradient_tolerance, False, None
     try:
         is_level = not converged and status is Status.STALLED and _is_level(end)
         converged = converged or is_level
-        if run.limits.gradient_tolerance < LOOSE:
-            end.check()
-            if converged:
-                evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
-                no_minimum = saddle(end, most_gradients(best.x.size, evaluations))
-            if no_minimum is None and (converged or status in MAY_DIVERGE):
-                running = running_off(run, end, converged)
-            if no_minimum is None and not running.any() and ended:
-                gone = insensitive(end, silent)
+        other = _no_minimum(run, end, silent, converged, result)
     except SHOWS_NOTHING:
         pass
-    result = replace(result, judging=Evaluations(**end.counts))
-    if no_minimum is not None:
-        return _at_saddle(end, no_minimum, result)
-    if running.any():
-        return _without_minimum(end, running, result)
-    if gone.any():
-        labels = free.labels_of(np.flatnonzero(gone))
-        message = Status.INSENSITIVE.value.replace("some unknowns", some_of(labels, NAMED), 1)
-        every = tuple(dict.fromkeys((*labels, *result.insensitive)))
-        return replace(result, status=Status.INSENSITIVE, message=message, insensitive=every)
-    if converged:
+    if other is not None:
+        result = other
+    elif converged:
         message = _converged(run, here, tuple(unread), tuple(unnoticed))
         if is_level:
             message += f" (the cosine is {optimality:.2g}, but only of columns that are too short)"
-        return replace(result, status=Status.CONVERGED, message=message)
-    if ended:
-        if status is not Status.STALLED:
-            message = Status.STALLED.value
-        return replace(result, status=Status.STALLED, message=message)
-    return result
+        result = replace(result, status=Status.CONVERGED, message=message)
+    elif status in (Status.CONVERGED, Status.NO_FINITE_MINIMUM):  # which the problem denies
+        result = replace(result, status=Status.STALLED, message=Status.STALLED.value)
+    return replace(result, judging=Evaluations(**end.counts))
+
+
+def _at_best(run: "Run") -> tuple[Linearization, float]:
+    """The linearization and the optimality at the best point of a run, which is chosen here."""
+
+    def linearized(x: Array) -> Linearization:  # without limits, because the run is over
+        return run.linearizations.at(x) or run.problem.linearize_at(x, run.fixed)
+
+    best, cheapest = run.best, run.best.x
+    here = linearized(cheapest)
+    optimality = best.decide(run.rounding_noise.optimality(cheapest, here))
+    if best.x is not cheapest:
+        here = linearized(best.x)
+    return _wrapped(run, here, optimality)
+
+
+def _no_minimum(
+    run: "Run", end: EndPoint, silent: Mask, converged: bool, result: Ending
+) -> Ending | None:
+    """The end as a saddle, without a finite minimum, or insensitive, if evaluations show that.
+
+    `silent` (n,) are the unknowns whose columns were zero wherever the Jacobian was computed.
+    """
+    if run.limits.gradient_tolerance >= LOOSE_TOLERANCE:
+        return None
+    end.check()
+    if converged:
+        evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
+        beside = saddle(end, most_gradients(end.x.size, evaluations))
+        if beside is not None:
+            return _at_saddle(end, beside, result)
+    if converged or result.status in MAY_DIVERGE:
+        running = running_off(run, end, converged)
+        if running.any():
+            return _without_minimum(end, running, result)
+    if converged or result.status in MAY_BE_INSENSITIVE:
+        weak = insensitive(end, silent)
+        if weak.any():
+            labels = end.problem.free.labels_of(np.flatnonzero(weak))
+            named = some_of(labels, MOST_NAMED)
+            message = Status.INSENSITIVE.value.replace("some unknowns", named, 1)
+            every = tuple(dict.fromkeys((*labels, *result.insensitive)))
+            return replace(result, status=Status.INSENSITIVE, message=message, insensitive=every)
+    return None
 
 
 def end_point(run: "Run", here: Linearization) -> EndPoint:
@@ -162,10 +186,10 @@ def _is_level(end: EndPoint) -> bool:
     d = np.clip(-here.gradient / D**2, end.problem.lower - end.x, end.problem.upper - end.x)
     if not d.any():
         return True
-    d *= PROBE / float(np.max(np.abs(d) / end.size))
+    d *= CURVATURE_STEP / float(np.max(np.abs(d) / end.size))
     curvature = float((end.gradient(end.x + d) - here.gradient) @ d)
     slope = float(here.gradient @ d)
-    return curvature > 0 and slope * slope <= 2 * curvature * min(end.worth, HARMLESS)
+    return curvature > 0 and slope * slope <= 2 * curvature * min(end.worth, HARMLESS_FALL)
 
 
 def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
@@ -177,10 +201,11 @@ def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
 def insensitive(end: EndPoint, silent: Mask) -> Mask:
     """The unknowns (n,) with which the residual hardly changes at an end.
 
-    Those are tried whose columns are so short that moving x_i by its size, or by 1, changes the
-    rows that it can change by no more than a thousandth or their rounding errors, while these rows
-    are not zero themselves. x_i is insensitive if the cost does not rise to both of its sides, up
-    to a tenth of that. The twenty weakest are tried, unless nothing changes as all move together.
+    Candidates are those whose columns are so short that moving x_i by its size, or by 1, changes
+    the rows that it can change by at most a thousandth or their rounding errors, while these rows
+    are not zero themselves. A candidate is insensitive if the cost does not rise on both of its
+    sides at any distance up to a tenth of that. Only the twenty weakest candidates are tried one by
+    one; if nothing changes as all candidates move together, all of them are insensitive.
 
     Unknowns that are `silent` (n,), because their columns were zero wherever the Jacobian was
     computed, count only if the residual changes with them elsewhere, or with no unknown at all
@@ -189,82 +214,58 @@ def insensitive(end: EndPoint, silent: Mask) -> Mask:
     support, here = end.problem.support, end.here
     error, rows = support.norms(end.rounding.rows), support.norms(here.residual)
     weak = here.column_norms * end.size <= error
-    weak |= here.column_norms * np.maximum(end.size, 1.0) <= WEAK * rows
+    weak |= here.column_norms * np.maximum(end.size, 1.0) <= WEAK_EFFECT * rows
     weak &= support.read & (rows > error) & (end.problem.lower < end.problem.upper)
     unseen = weak & silent
     if unseen.any() and not (weak == support.read).all() and _silent_elsewhere(end, unseen):
         weak &= ~silent
     if weak.any() and all(not change for change in _changes(end, weak, 1.0)):
         return np.asarray(weak)
-    weakest = np.argsort(np.where(weak, here.column_norms, np.inf))[: min(weak.sum(), NUDGED)]
+    weakest = np.argsort(np.where(weak, here.column_norms, np.inf))[: min(weak.sum(), MOST_NUDGED)]
     weak[:] = False
     for i in weakest:
-        one = np.arange(len(weak)) == i
-        sides = zip(_changes(end, one, -1.0), _changes(end, one, 1.0), strict=True)
-        weak[i] = not any(low < 0 and high < 0 for low, high in sides)
+        alone = np.arange(len(weak)) == i
+        both_sides = zip(_changes(end, alone, -1.0), _changes(end, alone, 1.0), strict=True)
+        weak[i] = not any(below < 0 and above < 0 for below, above in both_sides)
     return np.asarray(weak)
 
 
 def _silent_elsewhere(end: EndPoint, silent: Mask) -> bool:
     """Whether the residual stays as it is if `silent` unknowns (n,) have quite different values."""
     elsewhere = (np.zeros_like(end.x), end.x / 10, random_vector(len(end.x)))
-    there = (end.residual(np.where(silent, value, end.x)) for value in elsewhere)
-    return all((np.abs(r - end.here.residual) <= end.rounding.rows).all() for r in there)
+    residuals = (end.residual(np.where(silent, values, end.x)) for values in elsewhere)
+    return all((np.abs(r - end.here.residual) <= end.rounding.rows).all() for r in residuals)
 
 
 def _changes(end: EndPoint, moved: Mask, side: float) -> Iterator[float]:
-    """By how much the cost falls as the unknowns `moved` (n,) go to a side, farther each time.
+    """By how much the cost falls as the unknowns `moved` (n,) go to a side, from far to near.
 
     Negative if it rises, or a bound is in the way; 0 where rounding may be all of the change.
     """
-    part, size = LARGEST_NUDGE, float(end.size[moved].max())
-    while part * max(size, 1.0) >= NUDGE * size:
-        to = end.x + side * part * np.where(moved, np.maximum(end.size, 1.0), 0.0)
+    share, size = LARGEST_NUDGE, float(end.size[moved].max())
+    while share * max(size, 1.0) >= SMALLEST_NUDGE * size:
+        to = end.x + side * share * np.where(moved, np.maximum(end.size, 1.0), 0.0)
         if (to < end.problem.lower).any() or (to > end.problem.upper).any():
             yield -np.inf
         else:
             r = end.residual(to)
-            fallen = decrease(end.here.residual, r)
+            fall = decrease(end.here.residual, r)
             noise = end.rounding.of_decrease(end.here.residual, r != end.here.residual)
-            yield 0.0 if abs(fallen) <= noise else fallen
-        part /= 10
+            yield 0.0 if abs(fall) <= noise else fall
+        share /= 10
 
 
-def prefer_stationary(
-    run: "Run", x: Array, cost: float, here: Linearization, optimality: float
-) -> None:
-    """Prefer this point (n,) to the best one of a run if it is more stationary and costs the same.
-
-    Costs are the same up to rounding, 1/2 (tolerance |r|)^2, and what the tolerances of constraints
-    allow.
-    """
-    there = run.problem.stacked_constraints
-    noise = run.rounding_noise.recent(x, here).of_cost(here.residual)
-    noise += run.limits.gradient_tolerance**2 * cost
-    if there is None:
-        run.best.settle(x, cost, 0.0, optimality, noise)
-    elif here.constraints is not None:
-        violation = there.violation(here.constraints.values)
-        run.best.settle(x, cost, violation, optimality, BOUGHT * cost + noise)
-
-
-def _judged(run: "Run", x: Array) -> Linearization:
-    """Residual and Jacobian at x (n,), evaluated without limits because the run is over."""
-    known = run.linearizations.at(x)
-    return run.problem.linearize_at(x, run.fixed) if known is None else known
-
-
-def _at_saddle(end: EndPoint, there: Saddle, result: Ending) -> Ending:
+def _at_saddle(end: EndPoint, beside: Saddle, result: Ending) -> Ending:
     """The direction in the words of a diagnosis, and where to start instead."""
     free, cost = end.problem.free, end.here.cost
-    size = np.linalg.norm(end.here.residual) / end.size  # of columns that vanish at the saddle
-    along = in_units(there.to - end.x, free, np.maximum(end.here.column_norms, size), NAMED)
+    least = np.linalg.norm(end.here.residual) / end.size  # of columns that vanish at the saddle
+    along = in_units(beside.to - end.x, free, np.maximum(end.here.column_norms, least), MOST_NAMED)
     message = (
         f"the gradient vanishes, but this is no minimum: the cost falls along {along}, from "
-        f"{cost:.6g} to {cost - there.fall:.6g} at the point that `lower` of the solution holds; "
+        f"{cost:.6g} to {cost - beside.fall:.6g} at the point that `lower` of the solution holds; "
         "start from there"
     )
-    lower = free.unpack(there.to, end.problem.fixed.unpack(end.fixed) if free.parts else None)
+    lower = free.unpack(beside.to, end.problem.fixed.unpack(end.fixed) if free.parts else None)
     return replace(result, status=Status.SADDLE, message=message, lower=lower)
 
 
@@ -272,8 +273,8 @@ def _without_minimum(end: EndPoint, running: Mask, result: Ending) -> Ending:
     """Which unknowns grow without limit, and how far they have come."""
     places = np.flatnonzero(running)
     labels = end.problem.free.labels_of(places)
-    told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
-    status, named = Status.NO_FINITE_MINIMUM, f"unknowns ({some_of(told, NAMED)})"
+    values = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
+    status, named = Status.NO_FINITE_MINIMUM, f"unknowns ({some_of(values, MOST_NAMED)})"
     message = status.value.replace("some unknowns", named, 1)
     return replace(result, status=status, message=message, diverging=tuple(labels))
 
@@ -283,16 +284,16 @@ def _converged(
 ) -> str:
     """What is to be said of an end that has converged."""
     message = Status.CONVERGED.value
-    if run.limits.gradient_tolerance >= LOOSE:
+    if run.limits.gradient_tolerance >= LOOSE_TOLERANCE:
         message = (
             f"the gradient is below the tolerance of {run.limits.gradient_tolerance:g}, which "
             "is too large to tell a minimum from a saddle, or from a cost that falls for ever; "
             "neither was looked for"
         )
     if unread:
-        message += f" (no residual reads {some_of(unread, NAMED)})"
+        message += f" (no residual reads {some_of(unread, MOST_NAMED)})"
     if unnoticed:
-        names = some_of(unnoticed, NAMED)
+        names = some_of(unnoticed, MOST_NAMED)
         message += f" (no residual changes with {names} where its Jacobian was computed)"
     return message + flat_in_words(run.problem, run.best.x, here)
 
@@ -304,30 +305,25 @@ def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linear
     so. Returns the linearization and the optimality at the best point afterwards.
     """
     problem, best, fixed = run.problem, run.best, run.fixed
-    there = problem.stacked_constraints
-    at_most = best.cost + run.rounding_noise.of_cost(best.x, here)
+    constraints = problem.stacked_constraints
+    highest = best.cost + run.rounding_noise.of_cost(best.x, here)
 
     def is_free(x: Array) -> bool:
-        kept = there is None or there.violation(there.values(x, fixed)) <= max(best.violation, 1.0)
-        return kept and half_squared(problem.residual(x, fixed)) <= at_most
+        if constraints is not None:
+            violation = constraints.violation(constraints.values(x, fixed))
+            if violation > max(best.violation, 1.0):
+                return False
+        return half_squared(problem.residual(x, fixed)) <= highest
 
-    turned = rewrapped(problem, best.x, is_free)
-    if turned is best.x:
+    wrapped = rewrapped(problem, best.x, is_free)
+    if wrapped is best.x:
         return here, optimality
-    at_turned = problem.linearize_at(turned, fixed)
-    after = run.rounding_noise.optimality(turned, at_turned)
+    at_wrapped = problem.linearize_at(wrapped, fixed)
+    after = run.rounding_noise.optimality(wrapped, at_wrapped)
     if after > run.limits.gradient_tolerance >= optimality:
-        return here, optimality  # turning it costs that it has converged
-    best.x, best.cost = turned, at_turned.cost
-    return at_turned, after
-
-
-def _violation(run: "Run") -> str:
-    there = run.problem.stacked_constraints
-    if there is None:
-        return Status.INFEASIBLE.value
-    worst = there.worst(there.values(run.best.x, run.fixed))
-    return f"{worst}; {Status.INFEASIBLE.value}"
+        return here, optimality  # it would no longer have converged
+    best.x, best.cost = wrapped, at_wrapped.cost
+    return at_wrapped, after
 
 
 def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
@@ -337,33 +333,33 @@ def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> A
     changed one after the other, where each change is free. No change leaves the bounds. Without any
     change the result is the array x itself.
     """
-    turns = _shorter(problem, x)
+    shorter = _shorter_vectors(problem, x)
     together = x.copy()
-    for at, short in turns:
-        together[at] = short
-    if len(turns) > 1 and is_free(together):
+    for joint, vector in shorter:
+        together[joint] = vector
+    if len(shorter) > 1 and is_free(together):
         return together
-    for at, short in turns:
-        one = x.copy()
-        one[at] = short
-        if is_free(one):
-            x = one
+    for joint, vector in shorter:
+        changed = x.copy()
+        changed[joint] = vector
+        if is_free(changed):
+            x = changed
     return x
 
 
-def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
+def _shorter_vectors(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
     """The places of joints that are turned by more than pi, and their shorter vectors."""
-    first = np.array([at.start for at in problem.rotations], dtype=np.int64)
-    if not first.size:
+    starts = np.array([joint.start for joint in problem.rotations], dtype=np.int64)
+    if not starts.size:
         return []
-    angles = np.linalg.norm(x[first[:, None] + np.arange(3)], axis=1)
-    found = []
-    for start in first[angles > BEYOND]:
-        at = slice(int(start), int(start) + 3)
-        short = wrapped_to_pi(x[at])
-        if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
-            found.append((at, short))
-    return found
+    angles = np.linalg.norm(x[starts[:, None] + np.arange(3)], axis=1)
+    shorter = []
+    for start in starts[angles > HALF_A_TURN]:
+        joint = slice(int(start), int(start) + 3)
+        vector = wrapped_to_pi(x[joint])
+        if (problem.lower[joint] <= vector).all() and (vector <= problem.upper[joint]).all():
+            shorter.append((joint, vector))
+    return shorter
 
 
 def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
@@ -374,14 +370,14 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
     """
     inside = np.flatnonzero((here.column_norms > 0) & (x > problem.lower) & (x < problem.upper))
     n = inside.size
-    if here.constraints is not None or here.estimated or not 0 < n <= MOST:
+    if here.constraints is not None or here.estimated or not 0 < n <= RANK_UP_TO:
         return ""
     lengths = here.column_norms[inside]
     normal = np.asarray(here.normal)[np.ix_(inside, inside)] / np.outer(lengths, lengths)
-    if np.linalg.eigvalsh(normal)[0] > SUSPECT**2 * n + 100 * n * EPS:
+    if np.linalg.eigvalsh(normal)[0] > MAYBE_NULL**2 * n + 100 * n * EPS:
         return ""
     null = n - here.columns(inside).scaled(1 / lengths).rank
     if null == 0:
         return ""
-    some = "1 direction changes" if null == 1 else f"{null} directions change"
-    return f" ({some} no residual here, so that other values fit as well; see a diagnosis)"
+    directions = "1 direction changes" if null == 1 else f"{null} directions change"
+    return f" ({directions} no residual here, so that other values fit as well; see a diagnosis)"

@@ -1,26 +1,21 @@
 """The Levenberg-Marquardt method: Gauss-Newton steps, damped as long as they gain too little."""
 
 from dataclasses import KW_ONLY, dataclass
-from math import isfinite
-from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.blocks.checks import above_zero
-from workbench.errors import BadArgument
-from workbench.problem import Linearization, Problem
+from workbench.problem import Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
-from workbench.solvers.run import Known, Run
+from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, box_step, identity
 
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
-SHORTER = 0.75  # of a step: the longest further one with the same Jacobian
-STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
+LARGEST_STIFFNESS = 1e140  # |J_i| / D_i: its square, damped, is still a number
 
 
 def eased(gain_ratio: float) -> float:
@@ -29,14 +24,6 @@ def eased(gain_ratio: float) -> float:
     See Nielsen, Damping parameter in Marquardt's method, 1999.
     """
     return float(max(FASTEST_FALL, 1 - (2 * gain_ratio - 1) ** 3))
-
-
-class Trial(NamedTuple):
-    """A point (n,), its predicted decrease of the cost, and what is known of it."""
-
-    to: Array
-    predicted: float
-    known: Known = None
 
 
 @dataclass(frozen=True)
@@ -54,15 +41,7 @@ class LevenbergMarquardt(Limits):
     step in an unknown whose column is much shorter than the others. Between bounds the step is the
     best one that stays inside.
 
-    Several steps may be taken with each Jacobian. After the first step p, the next one q solves the
-    same equations with the residual at x + p, and so on, as long as each is at most 3/4 as long as
-    the one before. Their sum is tried as one step, and if the cost does not fall, p alone; where k
-    steps are accepted, the factor of the damping is applied k times. Newton's method with m steps
-    for each Jacobian converges with order m + 1 (Shamanskii, A modification of Newton's method,
-    1967), and this method with two of them with order 3, if the damping vanishes with the residual
-    (Fan, The modified Levenberg-Marquardt method for nonlinear equations with cubic convergence,
-    2012). Raises BadArgument for less than one step, and for a first damping that is not positive
-    and finite.
+    Raises BadArgument for a first damping that is not positive and finite.
 
     Attributes:
         scaling: the metric D of a step. `identity`: a radian, a metre and a standard deviation are
@@ -71,42 +50,30 @@ class LevenbergMarquardt(Limits):
         linear_algebra: how the step is computed; `automatic` chooses a factorization.
         first_damping: the damping at the start, as a share of the largest (|J_i| / D_i)^2 there. A
             larger one begins with shorter steps, nearer to the gradient.
-        steps_per_jacobian: how many steps are taken at most with each Jacobian; 1 for the plain
-            method, 2 for Fan's.
     """
 
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
     first_damping: float = 1e-3
-    steps_per_jacobian: int = 1
     _: KW_ONLY
     max_iterations: int = 2_000
 
     def __post_init__(self) -> None:
         super().__post_init__()
         above_zero("LevenbergMarquardt", first_damping=self.first_damping)
-        if self.steps_per_jacobian < 1:
-            raise BadArgument(
-                "`steps_per_jacobian` must be 1, for the plain method, or more, not "
-                f"{self.steps_per_jacobian}"
-            )
 
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds."""
-        further = "; Shamanskii 1967; Fan 2012" if self.steps_per_jacobian > 1 else ""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            source=f"Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999{further}",
-        )
+        source = "Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999"
+        return Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
         with Run("levenberg-marquardt", self, problem, start, callback) as run:
             x, here = run.x, run.linearize(run.x)
             D = self.scaling(here)
-            stiffness = np.minimum(here.column_norms / D, STIFFEST)
+            stiffness = np.minimum(here.column_norms / D, LARGEST_STIFFNESS)
             stiffest = float(np.max(stiffness**2, initial=1e-300))
             damping, growth = self.first_damping * stiffest, 2.0
             least = EPS**2 * stiffest  # where columns differ by 1e16, the shortest still count
@@ -114,61 +81,25 @@ class LevenbergMarquardt(Limits):
             while True:
                 low, high = problem.lower - x, problem.upper - x
                 step = box_step(here, damping, D, low, high, self.linear_algebra)
+                stuck = False
                 if step is not None:
                     predicted = here.predicted_decrease(step.p)
-                    if (
-                        growth == 2.0
-                        and damping > least
-                        and run.rounding_noise.hides(predicted, x, here)
-                    ):
+                    may_lower = growth == 2.0 and damping > least
+                    if may_lower and run.rounding_noise.hides(predicted, x, here):
                         damping *= FASTEST_FALL  # the decrease of a longer step may be visible
                         continue
-                    trials = self._trials(run, x, here, step.p, predicted, damping, D)
-                    taken, trial = len(trials), trials[-1]
-                    gain_ratio = run.gain_ratio(x, here, *trial)
-                    if taken > 1 and not gain_ratio > 0:  # they lead too far
-                        taken, trial = 1, trials[0]
-                        gain_ratio = run.gain_ratio(x, here, *trial)
+                    to = np.clip(x + step.p, problem.lower, problem.upper)
+                    gain_ratio = run.gain_ratio(x, here, to, predicted)
                     if gain_ratio > 0:
-                        damping *= eased(gain_ratio) ** taken
+                        damping *= eased(gain_ratio)
                         growth = 2.0
                         del here  # first: its memory serves the next one
-                        x, here = run.move(trial.to, damping, step.by)
+                        x, here = run.move(to, damping, step.by)
                         D = np.maximum(D, self.scaling(here))
                         continue
-                if not damping <= 1e16 * stiffest or (
-                    step is not None and np.array_equal(trial.to, x)
-                ):
+                    stuck = np.array_equal(to, x)
+                if stuck or not damping <= 1e16 * stiffest:
                     run.stall()
                 damping *= growth
                 growth *= 2
         return run.solution()
-
-    def _trials(
-        self,
-        run: Run,
-        x: Array,
-        here: Linearization,
-        p: Array,
-        predicted: float,
-        damping: float,
-        D: Array,
-    ) -> list[Trial]:
-        """The step p (n,) from x alone, then together with each further one with this Jacobian."""
-        lower, upper = run.problem.lower, run.problem.upper
-        length = float(np.linalg.norm(D * p))
-        trials = [Trial(np.clip(x + p, lower, upper), predicted)]
-        while len(trials) < self.steps_per_jacobian:
-            to, predicted, _ = trials[-1]
-            known = run.cost_and_residual(to)
-            trials[-1] = Trial(to, predicted, known)
-            if not isfinite(known[0]):
-                break
-            there, at_most = here.with_residual(known[1]), SHORTER * length
-            step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
-            if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
-                break
-            p = p + step.p
-            to = np.clip(x + p, lower, upper)
-            trials.append(Trial(to, predicted + there.predicted_decrease(step.p)))
-        return trials

@@ -65,9 +65,10 @@ class Stop(Exception):
 
 
 def stop_asked(answer: object) -> Stop | None:
-    """The Stop that the answer of a callback means: True ends a run, and nothing else does."""
-    asked = isinstance(answer, bool | np.bool_) and bool(answer)
-    return Stop(Status.STOPPED, "stopped by the callback") if asked else None
+    """The Stop by which a callback ends a run, if its answer is True; None for any other."""
+    if isinstance(answer, bool | np.bool_) and answer:
+        return Stop(Status.STOPPED, "stopped by the callback")
+    return None
 
 
 def stop_of(error: BaseException | None) -> Stop | None:
@@ -89,8 +90,8 @@ class Guarded:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         if isinstance(error, Exception) and not isinstance(error, Stop):
-            said = f"the residual raised {type(error).__name__}: {error}"
-            raise stop_of(error) or Stop(Status.RAISED, said) from error
+            message = f"the residual raised {type(error).__name__}: {error}"
+            raise stop_of(error) or Stop(Status.RAISED, message) from error
 
 
 GUARDED = Guarded()

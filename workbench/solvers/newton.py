@@ -17,7 +17,7 @@ from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, columns
 
-LEAST = 1e-8  # of the largest eigenvalue: the least that a direction's curvature is taken for
+LEAST_EIGENVALUE = 1e-8  # of the largest one, after the Hessian was made positive definite
 Convexify = Callable[[Array], tuple[Array, float]]  # the matrix, and by how much it was changed
 
 
@@ -28,7 +28,8 @@ def shifted(H: Array) -> tuple[Array, float]:
     Optimization, 2006, section 3.4).
     """
     values = np.linalg.eigvalsh(H)
-    tau = max(0.0, LEAST * float(np.abs(values).max(initial=1e-300)) - float(values.min()))
+    least = LEAST_EIGENVALUE * float(np.abs(values).max(initial=1e-300))
+    tau = max(0.0, least - float(values.min()))
     return H + tau * np.eye(len(H)), tau
 
 
@@ -38,7 +39,7 @@ def reflected(H: Array) -> tuple[Array, float]:
     Steps then lead away from saddles. No eigenvalue is below 1e-8 of the largest.
     """
     values, vectors = np.linalg.eigh(H)
-    least = LEAST * float(np.abs(values).max(initial=1e-300))
+    least = LEAST_EIGENVALUE * float(np.abs(values).max(initial=1e-300))
     if values.min() >= least:
         return H, 0.0
     positive = np.maximum(np.abs(values), least)
@@ -69,11 +70,8 @@ class Newton(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Hessian at every iterate, and takes no bounds."""
-        return Abilities(
-            Derivative.HESSIAN,
-            Boxes.REFUSED,
-            source="Nocedal and Wright 2006, section 3.4",
-        )
+        source = "Nocedal and Wright 2006, section 3.4"
+        return Abilities(Derivative.HESSIAN, Boxes.REFUSED, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""

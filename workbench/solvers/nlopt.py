@@ -14,12 +14,12 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.optimality import all_finite
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
-from workbench.solvers.judgement import BOUGHT
+from workbench.solvers.judgement import GAIN_BY_VIOLATION
 from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
-MEANING = {  # of the result codes that end a run by themselves
+STATUS_OF_RESULT = {  # for the result codes that end a run by themselves
     nlopt.FAILURE: (Status.STALLED, "it gave up; try another algorithm"),
     nlopt.INVALID_ARGS: (Status.STALLED, "it does not take this problem; try another algorithm"),
     nlopt.OUT_OF_MEMORY: (Status.STALLED, "out of memory; try an algorithm without a full matrix"),
@@ -37,7 +37,7 @@ NOT_A_POINT = (
     "the algorithm broke down, for it asks for the cost at a point that is not a number; the best "
     "point before that was kept; try another algorithm"
 )
-LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is worth a Jacobian
+NEARLY_STATIONARY = 3.0  # times the tolerance: an estimate below is worth a Jacobian
 
 _DIRECT, _DIRECT_L = "Jones, Perttunen and Stuckman 1993", "Gablonsky and Kelley 2001"
 _STOGO, _TNEWTON = "Madsen and Zertchaninov 1998", "Dembo and Steihaug 1982; Luksan"
@@ -181,7 +181,7 @@ class Nlopt(Limits):
                 raise objective.error
             run.check()  # some leave at a limit without saying so
             code = optimizer.last_optimize_result()
-            status, advice = MEANING.get(code, (Status.STALLED, Status.STALLED.value))
+            status, advice = STATUS_OF_RESULT.get(code, (Status.STALLED, Status.STALLED.value))
             message = f"{advice} (nlopt: result {code})"
             if status is Status.STALLED:
                 run.stall(message)
@@ -260,24 +260,25 @@ class NloptObjective:
         gradient[:] = 0.0
         return float(self._last[1])
 
-    def constrain(self, there: ConstraintSet) -> None:
+    def constrain(self, constraints: ConstraintSet) -> None:
         """Give the constraints to NLopt in its form: h(x) = 0 and g(x) <= 0."""
-        equal, above, below = there.equal, np.isfinite(there.upper), np.isfinite(there.lower)
+        equal = constraints.equal
+        above, below = np.isfinite(constraints.upper), np.isfinite(constraints.lower)
         if equal.any():
-            rows = self._rows(there, equal, 1.0, there.lower)
-            self.optimizer.add_equality_mconstraint(rows, there.tolerance[equal])
-        for wanted, sign, limit in (
-            (above & ~equal, 1.0, there.upper),
-            (below & ~equal, -1.0, there.lower),
+            function = self._function_of(constraints, equal, 1.0, constraints.lower)
+            self.optimizer.add_equality_mconstraint(function, constraints.tolerance[equal])
+        for rows, sign, limit in (
+            (above & ~equal, 1.0, constraints.upper),
+            (below & ~equal, -1.0, constraints.lower),
         ):
-            if wanted.any():
-                rows = self._rows(there, wanted, sign, limit)
-                self.optimizer.add_inequality_mconstraint(rows, there.tolerance[wanted])
+            if rows.any():
+                function = self._function_of(constraints, rows, sign, limit)
+                self.optimizer.add_inequality_mconstraint(function, constraints.tolerance[rows])
 
-    def _rows(
-        self, there: ConstraintSet, wanted: Mask, sign: float, limit: Array
+    def _function_of(
+        self, constraints: ConstraintSet, rows: Mask, sign: float, limit: Array
     ) -> Callable[[Array, Array, Array], None]:
-        """A function of NLopt's form for sign (c - limit) of the `wanted` rows (k,)."""
+        """A function of NLopt's form for sign (c - limit) of some `rows` (k,)."""
 
         def evaluate(result: Array, y: Array, gradient: Array) -> None:
             result[:] = 0.0
@@ -286,17 +287,16 @@ class NloptObjective:
             if self.error is not None:
                 return
             try:
-                x = self._x(y)
+                run, x = self.run, self._x(y)
                 if gradient.size:
-                    at = (x, self.run.fixed)
-                    here = self.run.evaluate("constraint", lambda: there.linearize(*at))
+                    here = run.evaluate("constraint", lambda: constraints.linearize(x, run.fixed))
                     values = here.values
-                    J = sign * here.rows(wanted) / self.scale
+                    J = sign * here.rows(rows) / self.scale
                     gradient[:] = np.where(np.isfinite(J), J, 0.0)
                 else:
-                    values = self.run.constraints(x)
-                over = sign * (values - limit)[wanted]
-                result[:] = np.where(np.isfinite(over), over, 1e10)
+                    values = run.constraints(x)
+                excess = sign * (values - limit)[rows]
+                result[:] = np.where(np.isfinite(excess), excess, 1e10)
             except BaseException as error:
                 self._give_up(error)
 
@@ -335,15 +335,16 @@ class NloptObjective:
         best = self.run.best
         if self.run.problem.stacked_constraints is None:
             return cost < self._lowest
-        return best.cost == cost or (best.violation <= 1 and cost <= (1 + BOUGHT) * best.cost)
+        hardly_higher = cost <= (1 + GAIN_BY_VIOLATION) * best.cost
+        return best.cost == cost or (best.violation <= 1 and hardly_higher)
 
     def _cone(self, y: Array, gradient: Array) -> float:
         """A cost higher than all before, whose gradient leads back to the last good point."""
         good, cost = self._last
-        way, high = y - good, 10 * abs(self._worst) + 1
-        length = float(np.linalg.norm(way))
+        away, high = y - good, 10 * abs(self._worst) + 1
+        distance = float(np.linalg.norm(away))
         if gradient.size:
-            gradient[:] = (high - cost) * way / length**2 if length > 0 else 0.0
+            gradient[:] = (high - cost) * away / distance**2 if distance > 0 else 0.0
         return float(high)
 
     def _linearization(self, x: Array, g: Array) -> Linearization | None:
@@ -360,9 +361,9 @@ class NloptObjective:
     def _is_steep(self, x: Array, g: Array) -> bool:
         """Whether the gradient g (n,) at x (n,) is clearly too long for a stationary point."""
         run, problem = self.run, self.run.problem
-        way = g / self._norms
+        descent = -g / self._norms
         if self._bounded:
             low, high = (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
-            way = np.clip(-way, low, high)
-        steep = LOOK * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
-        return bool((np.abs(way) > steep).any())
+            descent = np.clip(descent, low, high)
+        steep = NEARLY_STATIONARY * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+        return bool((np.abs(descent) > steep).any())

@@ -22,36 +22,39 @@ import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
-from workbench.problem.optimality import FACTOR, Rounding, decrease, half_squared
+from workbench.problem.optimality import ROUNDING_FACTOR, Rounding, decrease, half_squared
 from workbench.problem.steps import EPS, factor_of
 from workbench.solvers.limits import GUARDED
 from workbench.solvers.solution import Evaluations, Iterate
 
-WORTH = 10.0  # times the tolerance's share of the cost: a fall by less is none
-DAMPING = 1e-4  # of D^2, in M: directions that J does not notice are looked at first
-STEP = 1e-6  # of the terms of the residual: how far a gradient is taken for a difference
-FLAT = 0.1  # an eigenvalue of M^-1 H below this one is worth looking at
-MORE, CLEAR = 20, 0.1  # gradients once an eigenvalue is negative; how well its vector is known
-SHORTEST = 1e-3  # of |r|, along columns of length 1: where the cost is tried first
-NEARBY = 0.1  # of an unknown's size, or of 1: where it is tried last
+CLEAR_FALL = 10.0  # times the tolerance's share of the cost: a fall by less is none
+DAMPING_OF_M = 1e-4  # of D^2: directions that J does not notice are looked at first
+DIFFERENCE_STEP = 1e-6  # of the terms of the residual: how far apart two gradients are taken
+FLAT_EIGENVALUE = 0.1  # of M^-1 H: a smaller one is worth looking at
+FURTHER_GRADIENTS = 20  # once an eigenvalue is negative
+CLEAR_VECTOR = 0.1  # of an eigenvalue: how well it and its vector must be known
+FIRST_DISTANCE = 1e-3  # of |r|, along columns of length 1: where the cost is tried first
+LAST_DISTANCE = 0.1  # of an unknown's size, or of 1: where it is tried last
 NEARLY_ZERO = 1e-9  # a number whose size says nothing of its unit
 DOUBLINGS = 10  # of the step to a lower point, as long as the cost falls on
-FEW = 20  # unknowns up to which every direction is looked at, by gradients to both sides
-FEWEST, SHARE = 2, 10  # gradients otherwise, and one for so many evaluations of the run
-DENSE = 3000  # unknowns up to which an M that is an array is factorized
+EVERY_DIRECTION_UP_TO = 20  # unknowns: every direction is looked at, by gradients to both sides
+FEWEST_GRADIENTS = 2  # for more unknowns
+EVALUATIONS_PER_GRADIENT = 10  # of the run, for each gradient beyond these
+DENSE_UP_TO = 3000  # unknowns: an array M is factorized
 
-ITERATES = 5  # at least: fewer show no tendency
-GROWN = 0.02  # of an unknown's size, in the last quarter of a run
-SLOWED = 0.3  # of the growth in the quarter before: at a minimum it is much less
-BEYOND = 3.0  # times its value at the start, at least: how large such an unknown has become
+FEWEST_ITERATES = 5  # fewer show no tendency
+NOTABLE_GROWTH = 0.02  # of an unknown's size, in the last quarter of a run
+STILL_GROWING = 0.3  # of the growth in the quarter before: at a minimum it is much less
+GROWN_TO = 3.0  # times its value at the start, at least: how large such an unknown has become
 THOUSANDFOLD = 1e3  # the size of an unknown over that at the start, or over 1: it may run off
-FIRST = 100.0  # times the way so far: tried first, because a minimum shows there most cheaply
-NEAR = (0.01, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 8.0, 15.0, 30.0)  # times the way so far: each
-FARTHER = (*NEAR, 100.0, 1e4, 1e6, 1e8)  # of these is tried; at a minimum between, the cost rises
-SURELY = 8  # of these, at least, must be tried; beyond, the residual may be infinite
-FOLLOWED = 5  # Gauss-Newton steps of the other unknowns at each of them
-IMPERFECT = 1e-6  # of the cost: what these steps may leave above the least
-SHORTER = (1.0, 0.25, 0.06)  # parts of such a step that are tried
+# Distances in the way so far. At a minimum in between, the cost rises at one of them; it shows
+# most cheaply far out, which is therefore tried before all others.
+FAR_OUT = 100.0
+DISTANCES = (0.01, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 8.0, 15.0, 30.0, 100.0, 1e4, 1e6, 1e8)
+FEWEST_DISTANCES = 8  # to be tried at least; beyond, the residual may be infinite
+FOLLOWING_STEPS = 5  # Gauss-Newton steps of the other unknowns at each of them
+FOLLOWING_ERROR = 1e-6  # of the cost: what these steps may leave above the least
+STEP_SHARES = (1.0, 0.25, 0.06)  # parts of such a step that are tried
 
 Product = Callable[[Array], Array]
 
@@ -97,7 +100,7 @@ class EndPoint:
     @property
     def worth(self) -> float:
         """By how much the cost must fall so that neither rounding nor the tolerance explains it."""
-        return self.noise + WORTH * self.tolerance**2 * self.here.cost
+        return self.noise + CLEAR_FALL * self.tolerance**2 * self.here.cost
 
     def residual(self, x: Array) -> Array:
         """The residual at another point, (m,)."""
@@ -126,20 +129,19 @@ class Saddle(NamedTuple):
     """What shows that a point is no minimum.
 
     Attributes:
-        direction: (n,) along which the cost falls, of length 1, in the unknowns y_i = D_i x_i,
-            which change the residual by themselves by about one sigma.
-        to: (n,) a point along it where the cost is lower.
+        to: (n,) a point where the cost is lower.
         fall: by how much it is lower there.
     """
 
-    direction: Array
     to: Array
     fall: float
 
 
 def most_gradients(n: int, evaluations: int) -> int:
     """How many gradients a search among n unknowns may take after so many evaluations."""
-    return n if n <= FEW else max(FEWEST, evaluations // SHARE)
+    if n <= EVERY_DIRECTION_UP_TO:
+        return n
+    return max(FEWEST_GRADIENTS, evaluations // EVALUATIONS_PER_GRADIENT)
 
 
 def saddle(end: EndPoint, most: int) -> Saddle | None:
@@ -158,12 +160,12 @@ def saddle(end: EndPoint, most: int) -> Saddle | None:
     inverse = None if held.all() else _inverse(here, D, held)
     if inverse is None:
         return None
-    step = STEP * end.rounding.norm / (FACTOR * EPS)
+    step = DIFFERENCE_STEP * end.rounding.norm / (ROUNDING_FACTOR * EPS)
 
     def hessian_product(v: Array) -> Array:
         h = step / float(np.linalg.norm(v))
         ahead = (end.gradient(x + h * v / D) - here.gradient) / (h * D)
-        if len(x) > FEW and np.isfinite(ahead).all():
+        if len(x) > EVERY_DIRECTION_UP_TO and np.isfinite(ahead).all():
             return np.where(held, 0.0, ahead)
         behind = (here.gradient - end.gradient(x - h * v / D)) / (h * D)
         sides = [side for side in (ahead, behind) if np.isfinite(side).all()]
@@ -188,14 +190,14 @@ def _inverse(here: Linearization, D: Array, held: Mask) -> Product | None:
     """The product of M^-1 and a vector, of the unknowns D x; None if that is not affordable."""
     normal, n = here.normal, len(D)
     if not isinstance(normal, np.ndarray):
-        factor = factor_of(normal, np.where(held, 1.0, DAMPING) * D**2)
+        factor = factor_of(normal, np.where(held, 1.0, DAMPING_OF_M) * D**2)
         return None if factor is None else lambda v: np.where(held, 0.0, D * factor.solve(D * v))
-    if n > DENSE:
+    if n > DENSE_UP_TO:
         return None
     M = normal / np.outer(D, D)
     if held.any():
         M[held], M[:, held] = 0.0, 0.0
-    M[np.diag_indices(n)] += DAMPING
+    M[np.diag_indices(n)] += DAMPING_OF_M
     L, failed = scipy.linalg.lapack.dpotrf(M, lower=True)
     if failed:
         return None
@@ -205,9 +207,9 @@ def _inverse(here: Linearization, D: Array, held: Mask) -> Product | None:
 @lru_cache(maxsize=4)
 def random_vector(n: int) -> Array:
     """Random numbers (n,), normally distributed and always the same; they cannot be written to."""
-    found = np.random.default_rng(0).standard_normal(n)
-    found.setflags(write=False)
-    return found
+    vector = np.random.default_rng(0).standard_normal(n)
+    vector.setflags(write=False)
+    return vector
 
 
 def _searched(
@@ -223,34 +225,34 @@ def _searched(
     w = inverse(u)
     beta = float(np.sqrt(u @ w))
     dual, primal = np.zeros((n, 0)), np.zeros((n, 0))
-    before, most, tried = np.zeros((0, 0)), min(most, size), False
-    most_once_seen = most + MORE
+    diagonal: list[float] = []
+    off_diagonal: list[float] = []
+    most, tried = min(most, size), False
+    most_if_negative = min(most + FURTHER_GRADIENTS, size)
     for k in range(1, size + 1):
         dual = np.concatenate([dual, (u / beta)[:, None]], axis=1)
         primal = np.concatenate([primal, (w / beta)[:, None]], axis=1)
         u = hessian_product(primal[:, -1])
         if not np.isfinite(u).all():
             return None
-        T = np.zeros((k, k))
-        T[:-1, :-1] = before
-        T[-1, -1] = u @ primal[:, -1]
-        if k > 1:
-            T[-1, -2] = T[-2, -1] = beta
+        diagonal.append(float(u @ primal[:, -1]))
+        T = np.diag(diagonal) + np.diag(off_diagonal, -1) + np.diag(off_diagonal, 1)
+        values, vectors = np.linalg.eigh(T)
         for _ in range(2):  # twice, so that rounding does not bring the same vectors back
             u = u - dual @ (primal.T @ u)
         w = inverse(u)
         beta = float(np.sqrt(max(float(u @ w), 0.0)))
-        values, vectors = np.linalg.eigh(T)
-        before = T
+        off_diagonal.append(beta)
         least = float(values[0])
-        if least < -FLAT and not tried:
-            most = min(most_once_seen, size)
+        negative = least < -FLAT_EIGENVALUE
+        if negative and not tried:
+            most = most_if_negative
         last = k >= most or beta <= EPS * float(np.abs(values).max())
-        clear = beta * abs(float(vectors[-1, 0])) <= CLEAR * abs(least)
-        if least < FLAT and (last or (least < -FLAT and clear and not tried)):
-            found, tried = falls(primal @ vectors[:, 0]), True
-            if found is not None:
-                return found
+        clear = beta * abs(float(vectors[-1, 0])) <= CLEAR_VECTOR * abs(least)
+        if (last and least < FLAT_EIGENVALUE) or (negative and clear and not tried):
+            beside, tried = falls(primal @ vectors[:, 0]), True
+            if beside is not None:
+                return beside
         if last:
             return None
     return None
@@ -263,133 +265,146 @@ def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
     """
     here, x = end.here, end.x
     low, high = end.problem.lower, end.problem.upper
-    size = float(np.linalg.norm(here.residual))
-    longest = NEARBY / float(np.max(np.abs(d) / D / end.size))
+    farthest = LAST_DISTANCE / float(np.max(np.abs(d) / D / end.size))
 
-    def at(length: float) -> tuple[float, float, float]:
-        r = end.residual(np.clip(x + length * d / D, low, high))
-        lower = decrease(here.residual, r)
+    def fall_at(distance: float) -> tuple[float, float]:
+        """By how much the cost is lower there, and how much of that may be rounding."""
+        r = end.residual(np.clip(x + distance * d / D, low, high))
+        fall = decrease(here.residual, r)
         noise = end.rounding.of_decrease(here.residual, r != here.residual)
-        return length, (lower if np.isfinite(lower) else -np.inf), noise
+        return (fall if np.isfinite(fall) else -np.inf), noise
 
-    length = SHORTEST * size
-    while length <= longest:
-        sides = at(length), at(-length)
-        curved, noise = sides[0][1] + sides[1][1], sides[0][2] + sides[1][2]
-        best, lower, _ = max(sides, key=lambda side: side[1])
-        explained = noise + 2 * length * abs(float(here.gradient @ (d / D)))
-        if curved > noise or lower > explained:
+    distance = FIRST_DISTANCE * float(np.linalg.norm(here.residual))
+    while distance <= farthest:
+        (ahead, noise_ahead), (behind, noise_behind) = fall_at(distance), fall_at(-distance)
+        curved, noise = ahead + behind, noise_ahead + noise_behind
+        best, fall = (distance, ahead) if ahead >= behind else (-distance, behind)
+        by_gradient = 2 * distance * abs(float(here.gradient @ (d / D)))
+        if curved > noise or fall > noise + by_gradient:
             for _ in range(DOUBLINGS):
-                further, much_lower, _ = at(2 * best)
-                if much_lower <= lower:
+                further, _ = fall_at(2 * best)
+                if further <= fall:
                     break
-                best, lower = further, much_lower
+                best, fall = 2 * best, further
             to = np.clip(x + best * d / D, low, high)
-            return Saddle(np.sign(best) * d, to, lower) if lower > end.worth else None
+            return Saddle(to, fall) if fall > end.worth else None
         if curved < -noise:
             return None
-        length *= 10
+        distance *= 10
     return None
 
 
 def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged: bool) -> Mask:
     """The unknowns (n,) that run off while the cost falls.
 
-    Those are tried that are large by `_growing` or have become a thousand times as large as they
-    were, or as 1, of those that changed the residual by more than rounding: `noticed` (n,).
+    Candidates have grown to the end (`_growing`), or have become a thousand times as large as they
+    were, or as 1; and they changed the residual by more than rounding: `noticed` (n,).
     """
     last, none = len(trace) - 1, np.zeros(len(end.x), dtype=bool)
     if last < 1 or not trace[last // 2].cost > end.here.cost + end.noise:
         return none
-    start, noise = end.start, end.noise
+    growing = none
+    if last + 1 >= FEWEST_ITERATES:
+        growing = _growing(end, trace, converged) & noticed
     limit = np.where(end.x > 0, end.problem.upper, end.problem.lower)
-    far = (np.abs(end.x) > THOUSANDFOLD * np.maximum(np.abs(start), 1.0)) & ~np.isfinite(limit)
-    growing = _growing(end, trace, converged) & noticed if last + 1 >= ITERATES else none
-    running = (growing | far) & noticed & (end.x != start)
-    if not running.any():
-        return none
-    way, tried = np.where(running, end.x - start, 0.0), 0
-    growth = np.where(running, np.abs(end.x) / np.maximum(np.abs(start), 1.0), 0.0)
-    driven = np.arange(len(growth)) == np.argmax(growth)
-    begun = _followed(end, end.x, driven, noise)
-    first = end.residual(begun)
+    large = (_growth(end) > THOUSANDFOLD) & ~np.isfinite(limit)
+    running = (growing | large) & noticed & (end.x != end.start)
+    return running if running.any() and _never_rises(end, running, growing) else none
 
-    def fallen(times: float, x: Array, r: Array) -> tuple[Array, Array, bool]:
-        """The point farther out after x (n,), its residual (m,), and whether it is no higher."""
-        to = _followed(end, np.where(running, end.x + times * way, x), driven, noise)
-        further = end.residual(to)
+
+def _growth(end: EndPoint) -> Array:
+    """How many times as large as at the start, or as 1, the unknowns have become, (n,)."""
+    return np.asarray(np.abs(end.x) / np.maximum(np.abs(end.start), 1.0))
+
+
+def _never_rises(end: EndPoint, running: Mask, growing: Mask) -> bool:
+    """Whether the cost never rises as the `running` unknowns (n,) are taken far out, and falls.
+
+    The one that has grown most is held at each distance, and all others follow. What is still
+    `growing` (n,), or has become a million times as large, need not show again that the cost falls.
+    """
+    growth = np.where(running, _growth(end), 0.0)
+    leading = np.arange(len(growth)) == np.argmax(growth)
+    displacement, noise = np.where(running, end.x - end.start, 0.0), end.noise
+
+    def farther(distance: float, x: Array, r: Array) -> tuple[Array, Array, bool]:
+        """The next point after x (n,), its residual (m,), and whether it costs no more."""
+        to = np.where(running, end.x + distance * displacement, x)
+        to = _others_followed(end, to, leading, noise)
+        r_to = end.residual(to)
         with GUARDED:
-            rounding = end.problem.rounding(to, end.fixed, further, 0.0)  # of terms that have grown
-        left = IMPERFECT * half_squared(r) + rounding.of_decrease(further, further != r)
-        return to, further, not decrease(r, further) < -left
+            rounding = end.problem.rounding(to, end.fixed, r_to, 0.0)  # of terms that have grown
+        unexplained = FOLLOWING_ERROR * half_squared(r) + rounding.of_decrease(r_to, r_to != r)
+        return to, r_to, not decrease(r, r_to) < -unexplained
 
-    if not fallen(FIRST, begun, first)[2]:
-        return none
-    at, before = begun, first
-    for times in FARTHER:
-        at, r, lower = fallen(times, at, before)
-        if not np.isfinite(r).all():
+    x = _others_followed(end, end.x, leading, noise)
+    first = r = end.residual(x)
+    if not farther(FAR_OUT, x, r)[2]:
+        return False
+    tried = 0
+    for distance in DISTANCES:
+        x, r_to, no_higher = farther(distance, x, r)
+        if not np.isfinite(r_to).all():
             break
-        if not lower:
-            return none
-        before, tried = r, tried + 1
-    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or decrease(first, before) > end.worth
-    return running if tried >= SURELY and falls else none
+        if not no_higher:
+            return False
+        r, tried = r_to, tried + 1
+    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or decrease(first, r) > end.worth
+    return bool(tried >= FEWEST_DISTANCES and falls)
 
 
 def _growing(end: EndPoint, trace: Sequence[Iterate], converged: bool) -> Mask:
     """The unknowns (n,) that grew as fast in the last quarter of the run as before."""
     last, pack = len(trace) - 1, end.problem.free.pack
     quarter = (3 * last) // 4
-    middle, late, there = (pack(trace[k].values) for k in (last // 2, quarter, last))
+    middle, late, final = (pack(trace[k].values) for k in (last // 2, quarter, last))
     growing = _grown(end, middle, late, end.x)
     if trace[last].cost <= end.here.cost + end.noise:  # the best may be one of several at its cost
-        growing |= _grown(end, middle, late, there)
+        growing |= _grown(end, middle, late, final)
     if converged:
-        step = np.abs(there - pack(trace[last - 1].values))
-        growing &= step > SLOWED * np.abs(there - late) / (last - quarter)
+        step = np.abs(final - pack(trace[last - 1].values))
+        growing &= step > STILL_GROWING * np.abs(final - late) / (last - quarter)
     return growing
 
 
 def _grown(end: EndPoint, middle: Array, late: Array, final: Array) -> Mask:
-    """The unknowns (n,) that grew as fast from `late` to `final` (n,) as they did before."""
+    """The unknowns (n,) that grew as fast from `late` to `final` (n,) as from `middle` to `late`.
+
+    They are away from zero and from the start, and no bound is ahead.
+    """
     before, now = late - middle, final - late
     size = np.abs(final)
-    grew = (size >= BEYOND * np.abs(end.start)) & (np.abs(now) > GROWN * size)
-    grew &= np.abs(now) > SLOWED * np.abs(before)
-    grew &= (now * before > 0) & (now * final > 0)
+    grown = (size >= GROWN_TO * np.abs(end.start)) & (np.abs(now) > NOTABLE_GROWTH * size)
+    grown &= np.abs(now) > STILL_GROWING * np.abs(before)
+    grown &= (now * before > 0) & (now * final > 0)
     limit = np.where(now > 0, end.problem.upper, end.problem.lower)
-    return np.asarray(grew & ~np.isfinite(limit))
+    return np.asarray(grown & ~np.isfinite(limit))
 
 
-def _followed(end: EndPoint, x: Array, held: Mask, noise: float) -> Array:
-    """The point after the unknowns that are not `held` (n,) followed, by Gauss-Newton steps."""
-    for _ in range(0 if held.all() else FOLLOWED):
-        cost, step = _step_of_others(end, x, held)
-        to = None if step is None else _lower(end, x, step, cost - noise)
-        if to is None:
+def _others_followed(end: EndPoint, x: Array, held: Mask, noise: float) -> Array:
+    """The point after the unknowns that are not `held` (n,) followed, by Gauss-Newton steps.
+
+    They stop where the cost does not fall by more than the `noise`, or the linearization is not
+    finite.
+    """
+    others = np.flatnonzero(~held)
+    for _ in range(FOLLOWING_STEPS if others.size else 0):
+        here = end.linearize(x)
+        if not here.finite:
             return x
-        x = to
+        step = np.zeros(len(x))
+        step[others] = here.columns(others).step()
+        lower = _first_lower(end, x, step, here.cost - noise)
+        if lower is None:
+            return x
+        x = lower
     return x
 
 
-def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
+def _first_lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
     """The first point along a step (n,) at which the cost is lower than this one, if there is."""
-    for part in SHORTER:
-        to = np.clip(x + part * step, end.problem.lower, end.problem.upper)
+    for share in STEP_SHARES:
+        to = np.clip(x + share * step, end.problem.lower, end.problem.upper)
         if half_squared(end.residual(to)) < cost:
             return to
     return None
-
-
-def _step_of_others(end: EndPoint, x: Array, held: Mask) -> tuple[float, Array | None]:
-    """The cost at x, and the Gauss-Newton step (n,) of the unknowns that are not `held` (n,).
-
-    There is no step where the linearization is not finite.
-    """
-    here = end.linearize(x)
-    if not here.finite:
-        return here.cost, None
-    rest, step = np.flatnonzero(~held), np.zeros(len(x))
-    step[rest] = here.columns(rest).step()
-    return here.cost, step

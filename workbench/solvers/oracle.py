@@ -42,8 +42,9 @@ class Oracle:
     def __init__(self, run: Run, of_cost: StoredBy, nonzeros: csc_array | None) -> None:
         self.run, self.compute, self._nonzeros = run, _numbers_of(run, of_cost), nonzeros
         self.error: BaseException | None = None
-        self._there = run.problem.stacked_constraints
-        self._n, self._k = run.x.size, 0 if self._there is None else self._there.size
+        self._constraint_set = run.problem.stacked_constraints
+        self._n = run.x.size
+        self._k = 0 if self._constraint_set is None else self._constraint_set.size
 
     @cached_property
     def symbols(self) -> dict[str, cs.MX]:
@@ -62,8 +63,8 @@ class Oracle:
 
     def minimize(self, solver: cs.Function) -> None:
         """Run a solver of CasADi from the start of the run; raise what was raised inside."""
-        problem, there = self.run.problem, self._there
-        limits = {} if there is None else {"lbg": there.lower, "ubg": there.upper}
+        problem, constraints = self.run.problem, self._constraint_set
+        limits = {} if constraints is None else {"lbg": constraints.lower, "ubg": constraints.upper}
         if problem.bounded:
             limits |= {"lbx": problem.lower, "ubx": problem.upper}
         try:
@@ -90,11 +91,11 @@ class Oracle:
     @cached_property
     def constraint_jacobian(self) -> "External":
         """The Jacobian of the constraints at x, (k, n)."""
-        there = self._there
-        if there is not None and (
-            self.run.problem.sparse or self._nonzeros is not None or there.sparse
+        constraints = self._constraint_set
+        if constraints is not None and (
+            self.run.problem.sparse or self._nonzeros is not None or constraints.sparse
         ):
-            return self._external("constraint_jacobian", there.pattern)
+            return self._external("constraint_jacobian", constraints.pattern)
         return self._external("constraint_jacobian", (self._k, self._n))
 
     @cached_property
@@ -106,8 +107,8 @@ class Oracle:
     def constraint_hessian(self) -> "External":
         """The sum of the constraints' Hessians at x, each times its multiplier, (n, n)."""
         places = self._square
-        if self._there is not None and self._nonzeros is not None:
-            places = self._there.hessian_pattern
+        if self._constraint_set is not None and self._nonzeros is not None:
+            places = self._constraint_set.hessian_pattern
         return self._external("constraint_hessian", places, multiplied=True)
 
     @cached_property
@@ -133,30 +134,33 @@ def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
 
     With constraints or bounds the cost may well rise, and no trial is linearized at once.
     """
-    problem, at, there = run.problem, run.linearize, run.problem.stacked_constraints
+    problem, constraint_set = run.problem, run.problem.stacked_constraints
     n = problem.free.size
 
-    def tried(x: Array) -> float:
-        return run.tried(x, run.best.cost)[0]
+    def trial_cost(x: Array) -> float:
+        return run.evaluate_trial(x, run.best.cost)[0]
 
     def gradient(x: Array, _: Array) -> Array:
         run.one_pass.judged(taken=True)
-        return at(x).gradient
+        return run.linearize(x).gradient
 
     def constraint_jacobian(x: Array, _: Array) -> Stored:
-        constraints = at(x).constraints
+        constraints = run.linearize(x).constraints
         return np.zeros((0, n)) if constraints is None else constraints.jacobian
 
     def of_constraints(x: Array, multipliers: Array) -> Stored:
-        return np.zeros((n, n)) if there is None else there.hessian(x, run.fixed, multipliers)
+        if constraint_set is None:
+            return np.zeros((n, n))
+        return constraint_set.hessian(x, run.fixed, multipliers)
 
     def convex(x: Array, multipliers: Array) -> Array:
         return reflected(dense(of_cost(x, multipliers)) + dense(of_constraints(x, multipliers)))[0]
 
+    limited = constraint_set is not None or problem.bounded
     return {
-        "cost": _asked_twice(run.cost if there is not None or problem.bounded else tried),
+        "cost": _keeping_two(run.cost if limited else trial_cost),
         "gradient": gradient,
-        "constraints": _asked_twice(run.constraints),
+        "constraints": _keeping_two(run.constraints),
         "constraint_jacobian": constraint_jacobian,
         "hessian": of_cost,
         "constraint_hessian": of_constraints,
@@ -164,10 +168,10 @@ def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
     }
 
 
-def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array, Array], T]:
+def _keeping_two(function: Callable[[Array], T]) -> Callable[[Array, Array], T]:
     """A function of x alone that keeps its last two values: SQP asks again beside the gradient."""
-    known = lru_cache(maxsize=2)(lambda x: function(np.frombuffer(x)))
-    return lambda x, _: known(x.tobytes())
+    kept = lru_cache(maxsize=2)(lambda x: function(np.frombuffer(x)))
+    return lambda x, _: kept(x.tobytes())
 
 
 class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of calling back
@@ -208,7 +212,7 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
         """Write the value; called by CasADi."""
         if results[0] is None:  # the value is not needed
             return 0
-        out = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
+        result = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
         oracle = self._oracle
         try:
             if oracle.error is None:
@@ -216,11 +220,11 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
                 value = self._numbers(oracle.compute[self._name](x, y))
                 if value.shape != self._shape:  # a user's Hessian
                     raise ValueError(f"{self._name} is {self._shape}, not {value.shape}")
-                out[...] = value
+                result[...] = value
                 return 0
         except BaseException as error:
             oracle.error = error
-        out[...] = np.nan
+        result[...] = np.nan
         return 0
 
     def _numbers(self, value: float | Stored) -> Array:

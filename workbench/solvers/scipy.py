@@ -61,12 +61,12 @@ class Scipy(Limits):
         name = f"scipy {self.method}"
         with Run(name, self, problem, start, callback) as run:
             loose = problem.lower < problem.upper  # SciPy takes no bounds that are equal
-            functions = _Functions(run, loose)
+            functions = _Functions(run, loose, dense=self.method == "lm")
             D = self.scaling(run.linearize(run.x))[loose]
             answer: Any = scipy.optimize.least_squares(
                 functions.residual,
                 run.x[loose],
-                functions.dense_jacobian if self.method == "lm" else functions.jacobian,
+                functions.jacobian,
                 bounds=(problem.lower[loose], problem.upper[loose]),
                 method=self.method,  # type: ignore[arg-type]  # one of METHODS
                 x_scale=1 / D,
@@ -86,8 +86,8 @@ class _Functions:
     times the largest residual so far.
     """
 
-    def __init__(self, run: Run, loose: Mask) -> None:
-        self._run, self._loose = run, loose
+    def __init__(self, run: Run, loose: Mask, dense: bool) -> None:
+        self._run, self._loose, self._dense = run, loose, dense
         here = run.begin()
         self._at = run.x
         self._padding = max(0, int(loose.sum()) - here.shape[0])
@@ -110,11 +110,9 @@ class _Functions:
             self._at = x
             self._run.record(x, here.cost, here)
         J = columns_of(here.jacobian, self._loose)
-        return unblocked(stacked(J, np.zeros((self._padding, J.shape[1])))) if self._padding else J
-
-    def dense_jacobian(self, free: Array) -> Array:
-        """The Jacobian as an array."""
-        return dense(self.jacobian(free))
+        if self._padding:
+            J = unblocked(stacked(J, np.zeros((self._padding, J.shape[1]))))
+        return dense(J) if self._dense else J
 
     def _whole(self, free: Array) -> Array:
         x = self._run.x.copy()

@@ -1,6 +1,7 @@
 """What every solver takes and returns: a problem and a start, and a solution with its trace."""
 
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from enum import Enum
@@ -151,7 +152,7 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The best point that a solver found, how it ended, and the way there.
+    """The best point that a solver found, how the run ended, and its iterates.
 
     Attributes:
         values: the values of the free blocks.
@@ -202,8 +203,8 @@ class Solution:
     @property
     def linear_algebra(self) -> dict[str, int]:
         """How many steps were computed by each factorization."""
-        by = [i.linear_algebra for i in self.trace if i.linear_algebra]
-        return {name: by.count(name) for name in dict.fromkeys(by)}
+        names = [i.linear_algebra for i in self.trace if i.linear_algebra]
+        return dict(Counter(names))
 
     @property
     def iterations(self) -> int:
@@ -263,8 +264,8 @@ class Solution:
             arrays = read_expected(archive, expected)
 
             def values(of: str, i: int | None = None) -> Values:
-                each = {name: arrays[of + name] for name in shapes}
-                return each if i is None else {name: several[i] for name, several in each.items()}
+                named = {name: arrays[of + name] for name in shapes}
+                return named if i is None else {name: array[i] for name, array in named.items()}
 
             old = facts.entries  # older files lack some of the facts
             return Solution(
@@ -280,7 +281,7 @@ class Solution:
                 violation=facts.amount("missed") if "missed" in old else 0.0,
                 insensitive=_several(facts, text, "insensitive", "lost", "unnoticed"),
                 hypotheses=tuple(
-                    Hypothesis(values(HYPOTHESES, i), *one) for i, one in enumerate(minima)
+                    Hypothesis(values(HYPOTHESES, i), *row) for i, row in enumerate(minima)
                 ),
                 diverging=_several(facts, text, "diverging", "running"),
                 lower=values(LOWER) if has_lower else None,
@@ -291,8 +292,8 @@ class Solution:
 
 def _several(facts: Facts, of: Callable[[object, str], T], *names: str) -> tuple[T, ...]:
     """The items under a name and under those that it had in older files; none without any."""
-    known = (name for name in names if name in facts.entries)
-    return tuple(item for name in known for item in facts.several(name, of))
+    present = (name for name in names if name in facts.entries)
+    return tuple(item for name in present for item in facts.several(name, of))
 
 
 def _row(value: object, name: str) -> Row:
@@ -300,13 +301,15 @@ def _row(value: object, name: str) -> Row:
     entries = several(value, name, lambda entry, _: entry)
     if len(entries) not in (6, 7):
         raise BadFile(f"{name} has {len(entries)} entries, but must have 6 or 7")
-    cost, optimality, step, damping, counts, seconds, *by = entries
+    cost, optimality, step_norm, damping, counts, seconds, *linear_algebra = entries
     return (
-        *(amount(one, name) for one in (cost, optimality, step)),
+        amount(cost, name),
+        amount(optimality, name),
+        amount(step_norm, name),
         number(damping, name),
         _evaluations(facts_of(counts, name)),
         duration(seconds, name),
-        *(text(one, name) for one in by),
+        *(text(factorization, name) for factorization in linear_algebra),
     )
 
 
@@ -318,16 +321,16 @@ def _minimum(value: object, name: str) -> Row:
     cost, status, starts, violation = entries
     if not isinstance(status, str) or status not in Status.__members__:
         raise BadFile(f"{name} has the status {status!r:.40}, which does not exist")
-    numbers = tuple(int(one) for one in several(starts, name, number))
+    numbers = tuple(map(int, several(starts, name, number)))
     return amount(cost, name), Status[status], numbers, amount(violation, name)
 
 
 def _evaluations(facts: Facts) -> Evaluations:
     """Counts by kind; older files do not have those of constraints."""
-    known = [field.name for field in fields(Evaluations)]
-    facts.nothing_else(*known)
-    needed = [name for name in known if name != "constraint" or name in facts.entries]
-    return Evaluations(**{name: facts.whole(name) for name in needed})
+    kinds = [field.name for field in fields(Evaluations)]
+    facts.nothing_else(*kinds)
+    counted = [kind for kind in kinds if kind != "constraint" or kind in facts.entries]
+    return Evaluations(**{kind: facts.whole(kind) for kind in counted})
 
 
 class Solver(Protocol):

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import NoneType
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.problem.problem import in_stage
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
     Callback,
@@ -25,6 +23,7 @@ from workbench.solvers.solution import (
     checked,
 )
 from workbench.solvers.starts import beyond_saddle
+from workbench.solvers.trust_region import TrustRegion
 
 GOES_ON = (  # ends from which the next stage begins; from INSENSITIVE no way leads back
     Status.CONVERGED,
@@ -60,7 +59,8 @@ class SolveStage:
     def __post_init__(self) -> None:
         if self.solver is not None:
             checked(self.solver)
-        if not isinstance(self.free, (tuple, NoneType)) or self.free == ():
+        names = ("",) if self.free is None else self.free
+        if not (isinstance(names, tuple) and names and all(isinstance(n, str) for n in names)):
             raise BadArgument(
                 "a stage is a tuple of names of blocks or entries, such as "
                 f"('trans', 'pose[pelvis]'), or None for all, not {self.free!r}"
@@ -88,11 +88,11 @@ class Staged:
     Attributes:
         stages: what is different in each stage but the last: a `SolveStage`, or only the names that
             are free in it, such as `(("trans", "pose[pelvis]"), ("trans", "pose"))`.
-        solver: what solves each stage.
+        solver: what solves each stage; by default the solver of `solve`.
     """
 
     stages: tuple[tuple[str, ...] | SolveStage, ...]
-    solver: Solver = field(default_factory=LevenbergMarquardt)
+    solver: Solver = field(default_factory=TrustRegion)
 
     def __post_init__(self) -> None:
         _ = self.each, checked(self.solver)
@@ -126,7 +126,7 @@ class Staged:
         def completed(values: Values) -> Values:
             return {name: np.array(values[name], dtype=float) for name in problem.free.names}
 
-        def whole(iterate: Iterate) -> Iterate:
+        def in_sequence(iterate: Iterate) -> Iterate:
             """Complete an iterate with what the stage leaves fixed and what came before."""
             return replace(
                 iterate,
@@ -135,17 +135,17 @@ class Staged:
                 seconds=seconds + iterate.seconds,
             )
 
-        def told(iterate: Iterate) -> object:
-            return None if callback is None else callback(whole(iterate))
+        def report(iterate: Iterate) -> object:
+            return None if callback is None else callback(in_sequence(iterate))
 
         with Interrupts() as interrupts:  # also between the stages
             for stage, part in zip(self.each, parts, strict=True):
                 if last is not None and (last.status not in GOES_ON or interrupts.pressed):
                     break
                 solver = stage.solver or self.solver
-                first = solver.solve(part, values, callback=told)
-                last = beyond_saddle(first, solver, part, values, told)
-                trace += map(whole, last.trace)
+                first = solver.solve(part, values, callback=report)
+                last = beyond_saddle(first, solver, part, values, report)
+                trace += map(in_sequence, last.trace)
                 values |= last.values
                 ends.append(len(trace) - 1)
                 before, seconds = before + last.evaluations, seconds + last.seconds

@@ -16,7 +16,6 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes import forked
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.limits import Stop, stop_asked
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
@@ -29,6 +28,7 @@ from workbench.solvers.solution import (
     Status,
     checked,
 )
+from workbench.solvers.trust_region import TrustRegion
 
 AS_GOOD = 1e-6  # of the cost: residuals that differ by less, as a cost, are those of one minimum
 FAR_ABOVE_ROUNDING = 1e3  # of |r|
@@ -92,7 +92,7 @@ class Starts:
         starts: the values of blocks at each start, in which what is left out stays as it is given
             to `solve`; or a number of starts, of which the first is the given one and the others
             are drawn.
-        solver: what solves from each start.
+        solver: what solves from each start; by default the solver of `solve`.
         draw: how further starts are drawn, if `starts` is a number: `Spread({"pose": 0.3})` about
             the given one, `within_bounds`, or a function of your own.
         seed: of the draws. Start k depends on the seed and k alone.
@@ -100,7 +100,7 @@ class Starts:
     """
 
     starts: int | Sequence[Mapping[str, Any]]
-    solver: Solver = field(default_factory=LevenbergMarquardt)
+    solver: Solver = field(default_factory=TrustRegion)
     draw: Draw = within_bounds
     seed: int = 0
     workers: int = 1
@@ -120,10 +120,10 @@ class Starts:
     def drawn(self, problem: Problem, start: Values) -> list[Values]:
         """The values of all blocks at each start. Raises what `draw` raises."""
         if not isinstance(self.starts, int):
-            return [{**start, **one} for one in self.starts]
+            return [{**start, **values} for values in self.starts]
         further = range(1, self.starts)
         draws = [self.draw(problem, start, np.random.default_rng((self.seed, k))) for k in further]
-        return [{**start}, *({**start, **one} for one in draws)]
+        return [{**start}, *({**start, **values} for values in draws)]
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from every start; see `Solver`.
@@ -133,31 +133,30 @@ class Starts:
         """
         began, starts = time.perf_counter(), self.drawn(problem, start)
         ends: dict[int, Solution] = {}
-        asked: list[Stop] = []
-        why = ""
+        stops: list[Stop] = []  # that the callback has asked for
+        reason, in_this_process = "", self.workers == 1
 
-        def told(iterate: Iterate) -> bool:
+        def report(iterate: Iterate) -> bool:
             """Whether the callback has asked to stop, by now."""
             stop = None if callback is None else stop_asked(callback(iterate))
             if stop is not None:
-                asked.append(stop)
-            return bool(asked)
+                stops.append(stop)
+            return bool(stops)
 
         def run(k: int) -> Solution:
-            seen = told if alone else None
-            first = self.solver.solve(problem, starts[k], callback=seen)
-            return beyond_saddle(first, self.solver, problem, starts[k], seen)
+            during = report if in_this_process else None
+            first = self.solver.solve(problem, starts[k], callback=during)
+            return beyond_saddle(first, self.solver, problem, starts[k], during)
 
-        alone = self.workers == 1
         with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as runs:
             for k, end in runs:
                 ends[k] = end
-                if not alone:
-                    any(map(told, end.trace))  # up to the first at which it asks to stop
-                if asked or end.status is Status.STOPPED or interrupts.pressed:
-                    why = asked[0].message if asked else end.message
+                if not in_this_process:
+                    any(map(report, end.trace))  # up to the first at which it asks to stop
+                if stops or end.status is Status.STOPPED or interrupts.pressed:
+                    reason = stops[0].message if stops else end.message
                     break
-        why = INTERRUPTED if interrupts.pressed else why
+        reason = INTERRUPTED if interrupts.pressed else reason
         cut = len(ends) < len(starts) or end.status is Status.STOPPED or interrupts.pressed
         numbered = dict(sorted(ends.items()))
         hypotheses = _hypotheses(problem, starts, numbered)
@@ -171,8 +170,9 @@ class Starts:
             hypotheses=hypotheses,
         )
         if cut:
-            said = whole.message if best.message.startswith(why) else f"{why}; {whole.message}"
-            return replace(whole, status=Status.STOPPED, message=said)
+            says_so = best.message.startswith(reason)
+            message = whole.message if says_so else f"{reason}; {whole.message}"
+            return replace(whole, status=Status.STOPPED, message=message)
         return whole
 
 
@@ -187,40 +187,40 @@ def _hypotheses(
     finite = [k for k, end in ends.items() if np.isfinite(end.cost)]
     fixed: Array = problem.split(starts[0])[1]
     points = [problem.free.pack(ends[k].values) for k in finite]
-    first = max((ends[k].trace[0].cost for k in finite if ends[k].trace), default=0.0)
-    least = NEGLIGIBLE * first if np.isfinite(first) else 0.0
-    groups = [tuple(finite[i] for i in some) for some in clusters(problem, fixed, points, least)]
+    highest = max((ends[k].trace[0].cost for k in finite if ends[k].trace), default=0.0)
+    least = NEGLIGIBLE * highest if np.isfinite(highest) else 0.0
+    groups = [tuple(finite[i] for i in group) for group in clusters(problem, fixed, points, least)]
     groups += [(k,) for k in ends if k not in finite]
     minima = []
-    for members in groups:
-        in_order = tuple(sorted(members, key=lambda k: _order(ends[k])))
+    for group in groups:
+        in_order = tuple(sorted(group, key=lambda k: _order(ends[k])))
         end = ends[in_order[0]]
         minima.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
-    return tuple(sorted(minima, key=lambda one: _order(ends[one.starts[0]])))
+    return tuple(sorted(minima, key=lambda minimum: _order(ends[minimum.starts[0]])))
 
 
 def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
     """How many starts led to the best, and how sure it is that there are no other minima."""
-    here, minima = len(hypotheses[0].starts), len(hypotheses)
-    said = f"{here} of {starts} starts led here"
+    to_best, minima = len(hypotheses[0].starts), len(hypotheses)
+    led_here = f"{to_best} of {starts} starts led here"
     if minima == 1:
-        return f"{said}, and none elsewhere"
-    said += f", the others to {minima - 1} other end{'s' if minima > 2 else ''}"
-    return f"{said}; {further_minima(starts, minima)}"
+        return f"{led_here}, and none elsewhere"
+    others = f"the others to {minima - 1} other end{'s' if minima > 2 else ''}"
+    return f"{led_here}, {others}; {further_minima(starts, minima)}"
 
 
 def one_minimum(
-    problem: Problem, fixed: Array, x: Array, here: Array, there: Array, least: float = 0.0
+    problem: Problem, fixed: Array, x: Array, r: Array, other: Array, least: float = 0.0
 ) -> bool:
     """Whether residuals (m,) at two points, the first at x (n,), cannot be told apart.
 
-    1/2 |here - there|^2 is then at most a millionth of their cost, what rounding explains, or
+    1/2 |r - other|^2 is then at most a millionth of their cost, what rounding explains, or
     `least`. So what lies along null directions, or a full turn away, counts as the same minimum.
     """
-    rounding = FAR_ABOVE_ROUNDING * problem.rounding(x, fixed, here).norm
-    cost = 0.5 * max(float(here @ here), float(there @ there))
-    apart = here - there
-    return 0.5 * float(apart @ apart) <= AS_GOOD * cost + 0.5 * rounding**2 + least
+    rounding = FAR_ABOVE_ROUNDING * problem.rounding(x, fixed, r).norm
+    cost = 0.5 * max(float(r @ r), float(other @ other))
+    difference = r - other
+    return 0.5 * float(difference @ difference) <= AS_GOOD * cost + 0.5 * rounding**2 + least
 
 
 def clusters(
@@ -232,9 +232,9 @@ def clusters(
     """
     residuals = [problem.residual(x, fixed) for x in ends]
     minima: list[list[int]] = []
-    for k, (x, here) in enumerate(zip(ends, residuals, strict=True)):
+    for k, (x, r) in enumerate(zip(ends, residuals, strict=True)):
         for members in minima:
-            if any(one_minimum(problem, fixed, x, here, residuals[j], least) for j in members):
+            if any(one_minimum(problem, fixed, x, r, residuals[j], least) for j in members):
                 members.append(k)
                 break
         else:
@@ -256,10 +256,10 @@ def all_seen(starts: int, minima: int) -> float:
 
 def further_minima(starts: int, minima: int) -> str:
     """What `all_seen` gives, as a sentence without its capital and its full stop."""
-    sure = all_seen(starts, minima)
-    if np.isnan(sure):
+    probability = all_seen(starts, minima)
+    if np.isnan(probability):
         return "these are too few starts to say whether there are further minima"
-    return f"the probability that there are no further minima is {sure:.2g}"
+    return f"the probability that there are no further minima is {probability:.2g}"
 
 
 def beyond_saddle(
@@ -276,10 +276,10 @@ def beyond_saddle(
         counts, seconds = first.evaluations + iterate.evaluations, first.seconds + iterate.seconds
         return replace(iterate, evaluations=counts, seconds=seconds)
 
-    def told(iterate: Iterate) -> object:
+    def report(iterate: Iterate) -> object:
         return None if callback is None else callback(after(iterate))
 
-    second = solver.solve(problem, {**start, **first.lower}, callback=told)
+    second = solver.solve(problem, {**start, **first.lower}, callback=report)
     best = first
     if second.cost < first.cost:
         message = f"{second.message}; it went on from a saddle at a cost of {first.cost:.6g}"

@@ -15,19 +15,19 @@ from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 
-TAKEN = 1e-4  # gain ratio above which a step is taken
+LEAST_GAIN = 1e-4  # a step with a gain ratio above this is taken
 POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may grow from GOOD on
-SLOW = 0.1  # of the cost: after a smaller decrease, steps follow the geodesic
-AHEAD = 0.1  # of a step: where the second derivative along it is measured
-BENT = 0.75  # of the length of a step: 2 |a| of an acceleration a that is trusted
-SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
-LEAST, MOST = 0.9, 1.1  # of the radius: a step in between is as long as the radius
-TRIALS = 20  # of dampings, before a step that is short enough is taken for want of a better one
-POWER = -0.5  # of the damping: how lengths fall with it as long as only one of them is known
-FLATTEST, STEEPEST = -0.05, -1.0  # powers; no length falls more steeply
-FAR = 1e-2, 0.2  # of a damping: below that, with one or two tried, none at all is tried next
-LARGEST = 1e280  # of dampings
-ROUNDS = 20  # of holding and releasing in a box; what is there then is feasible in any case
+SLOW_DECREASE = 0.1  # of the cost: after a smaller decrease, steps follow the geodesic
+PROBE_LENGTH = 0.1  # of a step: where the second derivative along it is measured
+LARGEST_ACCELERATION = 0.75  # 2 |a| / |p| of an acceleration a of the step p that is trusted
+SMALLEST_RADIUS = 1e-16  # of the size of the point: a smaller one ends the run
+SHORTEST_STEP, LONGEST_STEP = 0.9, 1.1  # of the radius: in between, a step is as long as that
+MOST_TRIALS = 20  # of dampings; then a step that is short enough is taken
+FIRST_POWER = -0.5  # of the damping, by which lengths fall, as long as only one of them is known
+FLATTEST, STEEPEST = -0.05, -1.0  # powers; no length falls more steeply than by -1
+UNDAMPED_BELOW = 1e-2, 0.2  # of the last damping, after one and two: no damping is tried next
+LARGEST_DAMPING = 1e280  # of dampings
+ACTIVE_SET_ROUNDS = 20  # of holding and releasing in a box; every one of them is feasible
 
 Scaling = Callable[[Linearization], Array]
 
@@ -66,11 +66,11 @@ class TrustRegion(Limits):
     bounds the step is the best one that stays inside.
 
     In a long curved valley, steps along straight lines are short. So after a step that lowers the
-    cost by less than a tenth, the next one that is damped is bent: p becomes p + a with
-    (J'J + damping I) a = -1/2 J'r_pp, where r_pp, the second derivative of the residual along p, is
-    measured by one more evaluation. It stays straight if 2 |a| is more than 3/4 |p| (Transtrum and
-    Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
-    minimization, 2012).
+    cost by less than a tenth, the next one that is damped gets a geodesic acceleration: p becomes
+    p + a with (J'J + damping I) a = -1/2 J'r_pp, where r_pp, the second derivative of the residual
+    along p, is measured by one more evaluation. It is left out if 2 |a| is more than 3/4 |p|
+    (Transtrum and Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear
+    least-squares minimization, 2012).
 
     Raises BadArgument for a first radius that is not positive and finite.
 
@@ -93,11 +93,8 @@ class TrustRegion(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            source="Moré 1978; Transtrum and Sethna 2012",
-        )
+        source = "Moré 1978; Transtrum and Sethna 2012"
+        return Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
@@ -106,11 +103,13 @@ class TrustRegion(Limits):
             size = float(np.linalg.norm(x))
             radius = self.first_radius or max(size, 1.0)
             damping, slow = 0.0, False
-            least = SHORTEST * max(size, radius)
+            least = SMALLEST_RADIUS * max(size, radius)
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
-                damped = self._damped(problem, x, here)
-                step, damping = step_within(radius, damped, steepness, damping)
+                # nothing may hold what `_damped` returns, for that holds `here`
+                step, damping = step_within(
+                    radius, self._damped(problem, x, here), steepness, damping
+                )
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
                 length = float(np.linalg.norm(step.p))
@@ -123,8 +122,8 @@ class TrustRegion(Limits):
                 if len(run.trace) == 1:
                     radius = min(radius, length)
                 radius = next_radius(radius, length, gain_ratio, damping)
-                if gain_ratio > TAKEN:
-                    slow = gain_ratio * predicted < SLOW * here.cost
+                if gain_ratio > LEAST_GAIN:
+                    slow = gain_ratio * predicted < SLOW_DECREASE * here.cost
                     del here  # first: its memory serves the next one
                     x, here = run.move(to, damping, step.by)
                 elif radius <= least or np.array_equal(to, x):
@@ -151,16 +150,16 @@ def next_radius(radius: float, length: float, gain_ratio: float, damping: float)
 def geodesic_acceleration(
     run: Run, x: Array, here: Linearization, p: Array, damping: float, solve: LinearAlgebra
 ) -> Array:
-    """The a (n,) by which the residual's second derivative along the step p (n,) bends it.
+    """The geodesic acceleration a (n,) of a step p (n,); 0 where it is no small correction.
 
-    It is 0 where it is no small correction. See `TrustRegion`.
+    See `TrustRegion`.
     """
-    ahead = np.clip(x + AHEAD * p, run.problem.lower, run.problem.upper)
+    ahead = np.clip(x + PROBE_LENGTH * p, run.problem.lower, run.problem.upper)
     residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
-    r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
-    curved = here.with_residual(0.5 * r_pp)
-    step = solve(curved, damping, np.ones(x.size)) if np.isfinite(curved.gradient).all() else None
-    if step is None or not 2 * np.linalg.norm(step.p) <= BENT * np.linalg.norm(p):
+    r_pp = 2 / PROBE_LENGTH * ((residual - here.residual) / PROBE_LENGTH - here.along(p))
+    second = here.with_residual(0.5 * r_pp)
+    step = solve(second, damping, np.ones(x.size)) if np.isfinite(second.gradient).all() else None
+    if step is None or not 2 * np.linalg.norm(step.p) <= LARGEST_ACCELERATION * np.linalg.norm(p):
         return np.zeros_like(p)
     return step.p
 
@@ -179,13 +178,14 @@ def step_within(
     two or three trials. `damped` is the step as a function of its damping, None where the linear
     algebra has no answer; `steepness` is the length of the gradient, and `damping` the first tried.
     """
-    longer, shorter = -1.0, min(steepness / radius, LARGEST)  # dampings that make it so
+    # the largest damping whose step is longer than the radius, and the smallest of shorter ones
+    longer, shorter = -1.0, min(steepness / radius, LARGEST_DAMPING)
     tried: list[tuple[float, float]] = []
     damping = min(damping, shorter)
-    for _ in range(TRIALS):
+    for _ in range(MOST_TRIALS):
         step = damped(damping)
         length = np.inf if step is None else float(np.linalg.norm(step.p)) / radius
-        if length == 0 or (length <= MOST and (length >= LEAST or damping == 0)):
+        if length == 0 or (length <= LONGEST_STEP and (length >= SHORTEST_STEP or damping == 0)):
             return step, damping
         if length > 1:
             longer = max(longer, damping)
@@ -202,12 +202,12 @@ def _guess(tried: list[tuple[float, float]], longer: float, shorter: float) -> f
     if not tried:
         return shorter / 10
     damping, length = tried[-1]
-    power = POWER
+    power = FIRST_POWER
     if len(tried) == 2 and tried[0][0] != damping:
         other, its_length = tried[0]
         power = float(np.log(length / its_length) / np.log(damping / other))
     guess = float(damping * np.float64(length) ** (-1 / np.clip(power, STEEPEST, FLATTEST)))
-    if longer < 0 and guess < FAR[len(tried) - 1] * damping:
+    if longer < 0 and guess < UNDAMPED_BELOW[len(tried) - 1] * damping:
         return 0.0
     if longer < guess < shorter:
         return guess
@@ -232,7 +232,7 @@ def box_step(
             return step
     p = np.zeros_like(g)
     by = ""
-    for _ in range(ROUNDS):
+    for _ in range(ACTIVE_SET_ROUNDS):
         if not held.all():
             if here.by_frames:  # frames stay alike; what is held stays
                 whole = solve(here.holding(held, p), damping, D)

@@ -13,8 +13,8 @@ from workbench.training.first_guess import Start
 from workbench.training.registrations import Batch, InMemory, Registrations
 from workbench.training.shares import at_most
 
-BEND, SPREAD = 0.003, 0.06  # m
-PACE = (0.3, 1.8)  # Hz, the slowest and the fastest sine
+POSEDIRS_RMS, WEIGHT_SPREAD = 0.003, 0.06  # m
+PACES = (0.3, 1.8)  # Hz, the slowest and the fastest sine
 
 
 def jointed_tube(rings: int = 25, around: int = 8) -> Start:
@@ -69,26 +69,26 @@ def _tube(rings: int, around: int) -> tuple[Array, Index]:
 def random_smpl(start: Start, n_betas: int, seed: int, *, shape: float = 0.01) -> SkinnedBody:
     """A body with random arrays on the mesh of a start, all of them smooth over the surface.
 
-    `shape` is the rms of shapedirs in metres; that of posedirs is BEND, and weights reach SPREAD
-    beyond their segment. A joint is a weighted mean of the vertices of its ring. The two sides of
-    the body differ.
+    `shape` is the rms of shapedirs in metres; that of posedirs is POSEDIRS_RMS, and weights reach
+    WEIGHT_SPREAD beyond their segment. A joint is a weighted mean of the vertices of its ring. The
+    two sides of the body differ.
     """
     rng = np.random.default_rng(seed)
     N, K = len(start.template), len(start.parents)
-    smooth = heat(start.template, start.faces, SPREAD)
+    smooth = heat(start.template, start.faces, WEIGHT_SPREAD)
 
     def field(*axes: int, rms: float) -> Array:
         rough = rng.standard_normal((N, int(np.prod(axes))))
         drawn = smooth.solve(rough)
         return np.asarray(rms * drawn / np.sqrt(np.mean(drawn**2))).reshape(N, *axes)
 
-    weights = start.weights(SPREAD) * np.exp(0.3 * rng.standard_normal((N, K)))
+    weights = start.weights(WEIGHT_SPREAD) * np.exp(0.3 * rng.standard_normal((N, K)))
     rings = start.rings().toarray()
     shares = rings * rng.random(rings.shape)
     return SkinnedBody(
         template=start.template + field(3, rms=shape),
         shapedirs=field(3, n_betas, rms=shape),
-        posedirs=field(3, 9 * (K - 1), rms=BEND),
+        posedirs=field(3, 9 * (K - 1), rms=POSEDIRS_RMS),
         J_regressor=csr_array(shares / shares.sum(axis=1, keepdims=True)),
         weights=at_most(np.where(weights < 0.02, 0, weights), 4),
         parents=start.parents,
@@ -157,19 +157,19 @@ class CorruptedRegistrations:
         batch = self.of.read(some)
         vertices, confidence = batch.vertices.copy(), batch.confidence.copy()
         rows = range(len(self.subject))[some]
-        for at, (row, v) in enumerate(zip(rows, vertices, strict=True)):
+        for j, (row, v) in enumerate(zip(rows, vertices, strict=True)):
             rng = np.random.default_rng((self.seed, row))
             N = len(v)
             drawn = self.noise * rng.standard_normal((N, 3))
             middle = v[rng.integers(N)]
-            away = rng.standard_normal((N, 3))
+            errors = rng.standard_normal((N, 3))
             hit = rng.random(N) < self.outliers
-            gone = np.argsort(np.linalg.norm(v - middle, axis=1))[: int(self.missing * N)]
-            vertices[at] += drawn
-            length = np.linalg.norm(away, axis=1, keepdims=True)
-            vertices[at] += np.where(hit[:, None], self.far * away / length, 0)
-            vertices[at][gone] = middle
-            confidence[at][gone] = 0
+            missing = np.argsort(np.linalg.norm(v - middle, axis=1))[: int(self.missing * N)]
+            vertices[j] += drawn
+            length = np.linalg.norm(errors, axis=1, keepdims=True)
+            vertices[j] += np.where(hit[:, None], self.far * errors / length, 0)
+            vertices[j][missing] = middle
+            confidence[j][missing] = 0
         return Batch(batch.some, batch.subject, vertices, confidence)
 
 
@@ -191,7 +191,7 @@ def made_up_motion(
     rng = np.random.default_rng(seed)
     times = np.arange(round(seconds * fps)) / fps
     shape = (body.n_joints + 1, 3, 3)  # the last one is for trans: three sines for each axis
-    pace, phase = rng.uniform(*PACE, shape), rng.uniform(0, 2 * np.pi, shape)
+    pace, phase = rng.uniform(*PACES, shape), rng.uniform(0, 2 * np.pi, shape)
     waves = np.sin(2 * np.pi * pace * times[:, None, None, None] + phase).sum(axis=-1)
     waves *= np.sqrt(2 / 3)  # a standard deviation of one
     pose = body.bind_pose + turn * waves[:, :-1]

@@ -14,10 +14,10 @@ from workbench.blocks.checks import from_zero
 from workbench.errors import BadArgument
 from workbench.fitting.scans.surface import units
 from workbench.geometry.solids import face_vectors
-from workbench.synthetic.scanners import NEAR, DepthImage, Scanner
+from workbench.synthetic.scanners import NEAREST_SEEN, DepthImage, Scanner
 
 STEEPEST_MEASURED = np.radians(80)  # where the measurements of noise by angle end
-WAVES = 300  # that make up a smooth random field
+FIELD_WAVES = 300  # that make up a smooth random field
 DRAWN_AT_ONCE = 2048  # candidates of each thing, of which those that are seen are taken
 MOST_ROUNDS = 200
 
@@ -125,9 +125,9 @@ def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator)
     Nearly a Gaussian process with the covariance exp(-|x - y|^2 / (2 spread^2)), as a sum of waves
     (Rahimi and Recht, NIPS 2007). It does not depend on the mesh.
     """
-    waves = rng.standard_normal((WAVES, 3)) / spread
-    phases = rng.uniform(0, 2 * np.pi, WAVES)
-    heights = rng.standard_normal((WAVES, D)) * np.sqrt(2 / WAVES)
+    waves = rng.standard_normal((FIELD_WAVES, 3)) / spread
+    phases = rng.uniform(0, 2 * np.pi, FIELD_WAVES)
+    heights = rng.standard_normal((FIELD_WAVES, D)) * np.sqrt(2 / FIELD_WAVES)
     return np.asarray(np.cos(points @ waves.T + phases) @ heights)
 
 
@@ -241,29 +241,29 @@ def scatter_clutter(
     BadArgument if the scanners hardly see the things.
     """
     nothing = np.zeros((0, 3))
-    found: list[list[Array]] = [[nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros(0)]]
+    rounds: list[list[Array]] = [[nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros(0)]]
     for _ in range(MOST_ROUNDS):
-        if sum(len(part[0]) for part in found) >= n:
+        if sum(len(part[0]) for part in rounds) >= n:
             break
         drawn = [thing.draw(surface, DRAWN_AT_ONCE, rng) for thing in clutter.things]
         points, normals = (np.concatenate(part) for part in zip(*drawn, strict=True))
         mixed = rng.permutation(len(points))
         points, normals = points[mixed], normals[mixed]
         sees = np.stack(
-            [_sees(*one, points, normals) for one in zip(scanners, images, strict=True)], axis=1
+            [_sees(*pair, points, normals) for pair in zip(scanners, images, strict=True)], axis=1
         )
         view = np.argmax(np.where(sees, rng.random(sees.shape), -1.0), axis=1)
         seen = np.asarray(sees.any(axis=1))
         if region is not None:
             seen &= region.holds(points)
         error = rng.standard_normal(len(points))
-        found.append([part[seen] for part in (points, normals, view, error)])
+        rounds.append([part[seen] for part in (points, normals, view, error)])
     else:
         raise BadArgument(
             "the scanners see hardly anything of the clutter; bring its things nearer to the body, "
             f"or turn them to the scanners: {', '.join(map(str, clutter.things))}"
         )
-    return ClutterPoints(*(np.concatenate(part)[:n] for part in zip(*found, strict=True)))
+    return ClutterPoints(*(np.concatenate(parts)[:n] for parts in zip(*rounds, strict=True)))
 
 
 def _sees(scanner: Scanner, image: DepthImage, points: Array, normals: Array) -> Mask:
@@ -273,7 +273,7 @@ def _sees(scanner: Scanner, image: DepthImage, points: Array, normals: Array) ->
     buffer[image.pixel] = image.depth
     seen = scanner.seen(points)
     x, y, z = seen.T
-    before = z > NEAR
+    before = z > NEAREST_SEEN
     z = np.where(before, z, 1.0)
     u = np.floor(scanner.focal * x / z + width / 2)
     v = np.floor(scanner.focal * y / z + height / 2)

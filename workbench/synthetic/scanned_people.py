@@ -47,14 +47,14 @@ def people(
     depend on `own_shape`. Raises BadArgument for poses of another body, none at all, or a negative
     number.
     """
-    given = np.asarray(poses, dtype=float)
-    if given.ndim != 3 or given.shape[1:] != (body.n_joints, 3) or not len(given):
+    choices = np.asarray(poses, dtype=float)
+    if choices.ndim != 3 or choices.shape[1:] != (body.n_joints, 3) or not len(choices):
         raise BadArgument(
             f"poses of the body {body.name!r} are (P, {body.n_joints}, 3) rad with at least one, "
-            f"not {given.shape}"
+            f"not {choices.shape}"
         )
     from_zero("people", n=n, seed=seed, own_shape=own_shape)
-    return tuple(_person(body, given, (seed, i), own_shape, turn) for i in range(n))
+    return tuple(_person(body, choices, (seed, i), own_shape, turn) for i in range(n))
 
 
 def _person(

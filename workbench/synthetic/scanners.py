@@ -13,10 +13,10 @@ from workbench.fitting.observations import pinhole
 
 FOCAL, SIZE = 164.0, (150, 200)  # px: the field of view of a Kinect that stands on its side
 STEEPEST_VIEW = 0.99  # the sine of the angle from the horizontal at which a scanner still has an up
-NEAR = 0.05  # m: a scanner does not see what is nearer
-AT_ONCE = 1_000_000  # pairs of triangle and ray that are computed together
-MARGIN = 1e-6  # px, around the image of a triangle, for rounding
-SAME = 1e-9  # m: a surface that is nearer by less does not hide a vertex
+NEAREST_SEEN = 0.05  # m: a scanner does not see what is nearer
+PAIRS_AT_ONCE = 1_000_000  # pairs of triangle and ray that are computed together
+PIXEL_MARGIN = 1e-6  # px, around the image of a triangle, for rounding
+SAME_DEPTH = 1e-9  # m: a surface that is nearer by less does not hide a vertex
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +92,15 @@ def scanners(
             f"scanners at a distance of {distance:g} m and a height of {height:g} m would look "
             "straight down or up, and have no upright image; move them away"
         )
-    found = []
+    ring = []
     for angle in turn + 2 * np.pi * np.arange(n) / n:
         away = np.array([distance * np.sin(angle), height, distance * np.cos(angle)])
         forward = -away / np.linalg.norm(away)
         right = np.cross(forward, [0.0, 1.0, 0.0])
         right /= np.linalg.norm(right)
         R = np.stack([right, np.cross(forward, right), forward])
-        found.append(Scanner(R, -R @ (middle + away), focal, size))
-    return tuple(found)
+        ring.append(Scanner(R, -R @ (middle + away), focal, size))
+    return tuple(ring)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,11 +120,11 @@ def depth_image(vertices: Array, faces: Index, scanner: Scanner) -> DepthImage:
     """What a scanner sees of a surface (N, 3) m, (F, 3), without noise; both sides are seen."""
     corners, rays = scanner.seen(vertices)[faces], scanner.rays()
     first = np.arange(scanner.n_pixels + 1)  # every pixel holds one ray, its own
-    found = [
+    hits = [
         _hits(corners, rays, face, ray)
         for face, ray in _pairs(_boxes(corners, scanner), first, scanner.size[0])
     ]
-    ray, depth, face, shares = (np.concatenate(part) for part in zip(*found, strict=True))
+    ray, depth, face, shares = (np.concatenate(part) for part in zip(*hits, strict=True))
     order = np.lexsort((face, depth, ray))
     nearest = order[np.unique(ray[order], return_index=True)[1]]
     return DepthImage(ray[nearest], depth[nearest], face[nearest], shares[nearest])
@@ -137,26 +137,26 @@ def visible(vertices: Array, faces: Index, scanner: Scanner) -> Mask:
     """
     width, height = scanner.size
     seen = scanner.seen(vertices)
-    there = np.asarray(seen[:, 2] > NEAR)
-    rays = seen / np.where(there, seen[:, 2], 1.0)[:, None]
-    column, row = np.floor(_image(seen, there, scanner)).astype(np.int64).T
-    there &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    order = np.flatnonzero(there)
+    is_visible = np.asarray(seen[:, 2] > NEAREST_SEEN)
+    rays = seen / np.where(is_visible, seen[:, 2], 1.0)[:, None]
+    column, row = np.floor(_image(seen, is_visible, scanner)).astype(np.int64).T
+    is_visible &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    order = np.flatnonzero(is_visible)
     cell = row[order] * width + column[order]
     order = order[np.argsort(cell, kind="stable")]
     first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=scanner.n_pixels))])
-    for face, at in _pairs(_boxes(seen[faces], scanner), first, width):
-        vertex, depth, before, _ = _hits(seen[faces], rays, face, order[at])
-        other = (faces[before] != vertex[:, None]).all(axis=1)
-        there[vertex[other & (depth < seen[vertex, 2] - SAME)]] = False
-    return there
+    for face, rays_met in _pairs(_boxes(seen[faces], scanner), first, width):
+        vertex, depth, faces_met, _ = _hits(seen[faces], rays, face, order[rays_met])
+        other = (faces[faces_met] != vertex[:, None]).all(axis=1)
+        is_visible[vertex[other & (depth < seen[vertex, 2] - SAME_DEPTH)]] = False
+    return is_visible
 
 
-def _image(seen: Array, there: Mask, scanner: Scanner) -> Array:
+def _image(seen: Array, before: Mask, scanner: Scanner) -> Array:
     """Points (..., 3) m of the scanner's frame in the image, (..., 2) px; where not there, -1."""
-    z = np.where(there, seen[..., 2], 1.0)[..., None]
+    z = np.where(before, seen[..., 2], 1.0)[..., None]
     pixels = scanner.focal * seen[..., :2] / z + np.array(scanner.size) / 2
-    return np.where(there[..., None], pixels, -1.0)
+    return np.where(before[..., None], pixels, -1.0)
 
 
 def _boxes(corners: Array, scanner: Scanner) -> Index:
@@ -164,12 +164,12 @@ def _boxes(corners: Array, scanner: Scanner) -> Index:
 
     Triangles that reach behind the scanner get the whole image, and those behind it nothing.
     """
-    before = corners[..., 2] > NEAR
+    before = corners[..., 2] > NEAREST_SEEN
     pixels = _image(corners, before, scanner)
     last = np.array(scanner.size) - 1
     whole = np.asarray(before.any(axis=1) & ~before.all(axis=1))[:, None]
-    low = np.where(whole, 0, np.floor(pixels.min(axis=1) - MARGIN)).clip(0)
-    high = np.where(whole, last, np.floor(pixels.max(axis=1) + MARGIN)).clip(-1, last)
+    low = np.where(whole, 0, np.floor(pixels.min(axis=1) - PIXEL_MARGIN)).clip(0)
+    high = np.where(whole, last, np.floor(pixels.max(axis=1) + PIXEL_MARGIN)).clip(-1, last)
     high[~before.any(axis=1)] = -1
     return np.stack([low, high], axis=1).astype(np.int64)
 
@@ -182,14 +182,14 @@ def _pairs(boxes: Index, first: Index, width: int) -> Iterator[tuple[Index, Inde
     across, down = (boxes[:, 1] - boxes[:, 0] + 1).clip(0).T
     strips = np.repeat(np.arange(len(boxes)), np.where(across > 0, down, 0))
     row = boxes[strips, 0, 1] + _counted(np.where(across > 0, down, 0))
-    begin = first[row * width + boxes[strips, 0, 0]]  # the rays of a strip follow each other
-    count = first[row * width + boxes[strips, 1, 0] + 1] - begin
-    part = np.cumsum(count) // AT_ONCE
+    first_ray = first[row * width + boxes[strips, 0, 0]]  # the rays of a strip follow each other
+    count = first[row * width + boxes[strips, 1, 0] + 1] - first_ray
+    part = np.cumsum(count) // PAIRS_AT_ONCE
     for i in range(int(part.max(initial=0)) + 1):
         some = slice(*np.searchsorted(part, [i, i + 1]))
         yield (
             np.repeat(strips[some], count[some]),
-            np.repeat(begin[some], count[some]) + _counted(count[some]),
+            np.repeat(first_ray[some], count[some]) + _counted(count[some]),
         )
 
 
@@ -212,11 +212,11 @@ def _hits(
     facing = np.einsum("pi,pi->p", n, d)
     with np.errstate(divide="ignore", invalid="ignore"):  # triangles that are seen as lines
         depth = np.einsum("pi,pi->p", n, a[face]) / facing
-    there = (facing != 0) & (depth > NEAR)
-    face, ray, depth, n = face[there], ray[there], depth[there], n[there]
-    points, at = depth[:, None] * d[there], (a[face], b[face], c[face])
+    in_front = (facing != 0) & (depth > NEAREST_SEEN)
+    face, ray, depth, n = face[in_front], ray[in_front], depth[in_front], n[in_front]
+    points, triangle = depth[:, None] * d[in_front], (a[face], b[face], c[face])
     areas = [
-        np.einsum("pi,pi->p", np.cross(at[j] - at[i], points - at[i]), n)
+        np.einsum("pi,pi->p", np.cross(triangle[j] - triangle[i], points - triangle[i]), n)
         for i, j in ((1, 2), (2, 0), (0, 1))
     ]
     shares = np.stack(areas, axis=1).clip(0)

@@ -27,8 +27,8 @@ from workbench.synthetic.scan_effects import (
 )
 from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visible
 
-JUMP = 5.0  # steps from pixel to pixel: depths that differ by more lie on different surfaces
-THIN = 1e-6  # of the largest variance: neighbours whose second variance is less lie on a line
+LARGEST_JUMP = 5.0  # steps from pixel to pixel: depths that differ by more are of two surfaces
+LINE_VARIANCE = 1e-6  # of the largest variance: neighbours whose second is less lie on a line
 LEAST_COSINE = 0.1736  # of 80 degrees: beyond, the area behind a pixel is not known
 HOLES, CLUTTER, NOISE = range(1, 4)  # each effect has a stream of random numbers of its own
 
@@ -42,7 +42,7 @@ class Joining:
             a triangle may differ. With fewer, the scan falls into more pieces.
     """
 
-    jump: float = JUMP
+    jump: float = LARGEST_JUMP
 
     def triangles(self, pixel: Index, depth: Array, scanner: Scanner) -> Index:
         """Triangles (T, 3) of indices from 0 to M - 1 of measured pixels (M,) at depths (M,) m.
@@ -81,7 +81,7 @@ def estimated_normals(pixel: Index, depth: Array, scanner: Scanner) -> Array:
     second = np.zeros((len(pixel), 3, 3))
     for down, right in product(range(3), repeat=2):
         other = number[row + down, column + right]
-        near = np.abs(depth[other] - depth) <= JUMP * depth / scanner.focal
+        near = np.abs(depth[other] - depth) <= LARGEST_JUMP * depth / scanner.focal
         weight = ((other >= 0) & near).astype(float)
         away = (points[other] - points) * weight[:, None]
         count, first = count + weight, first + away
@@ -89,7 +89,7 @@ def estimated_normals(pixel: Index, depth: Array, scanner: Scanner) -> Array:
     mean = first / count[:, None]
     covariance = second / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
     variances, axes = np.linalg.eigh(covariance)
-    plane = (count >= 3) & (variances[:, 1] > THIN * variances[:, 2])
+    plane = (count >= 3) & (variances[:, 1] > LINE_VARIANCE * variances[:, 2])
     back = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     normals = np.where(plane[:, None], axes[:, :, 0], back)
     return np.where(np.einsum("mi,mi->m", normals, back)[:, None] < 0, -normals, normals)
@@ -200,9 +200,9 @@ class SimulatedScan:
     @property
     def true_points(self) -> Array:
         """Where the rays hit the surface, (M, 3) m; NaN for clutter."""
-        found = np.einsum("mk,mki->mi", self.shares, self.surface[self.faces[self.face]])
-        found[self.clutter] = np.nan
-        return np.asarray(found)
+        points = np.einsum("mk,mki->mi", self.shares, self.surface[self.faces[self.face]])
+        points[self.clutter] = np.nan
+        return np.asarray(points)
 
     def some(self, chosen: Mask) -> "SimulatedScan":
         """The points that a mask (M,) chooses, with their truth; `seen` stays as it is.
@@ -244,8 +244,8 @@ def scan(
     there are no scanners, and BadScan if nothing of the surface is left.
     """
     mesh = Mesh(reals("vertices", vertices), numbers("faces", faces).astype(np.int64, copy=False))
-    some = several("scanners", scanners, Scanner)
-    above_zero("a simulated scan", scanners=len(some))
+    views_from = several("scanners", scanners, Scanner)
+    above_zero("a simulated scan", scanners=len(views_from))
     from_zero("a simulated scan", seed=seed)
     surface = mesh.vertices
     discs = (holes or Holes(0)).discs(surface, mesh.faces, np.random.default_rng((seed, HOLES)))
@@ -255,30 +255,30 @@ def scan(
         return left if region is None else left & region.holds(points)
 
     views = []
-    for number, scanner in enumerate(some):
+    for number, scanner in enumerate(views_from):
         errors = np.random.default_rng((seed, NOISE, number)).standard_normal(scanner.n_pixels)
         views.append(
             measured_view(surface, mesh.faces, scanner, is_measured, noise, errors, joining)
         )
     n_body = [len(view.points) for view in views]
-    other = scatter_clutter(
+    clutter_points = scatter_clutter(
         clutter or Clutter(0),
         (clutter or Clutter(0)).count(sum(n_body)),
         surface,
-        some,
+        views_from,
         [view.image for view in views],
         region,
         np.random.default_rng((seed, CLUTTER)),
     )
-    C = len(other.points)
+    C = len(clutter_points.points)
     if not sum(n_body):
         raise BadScan(
             "the scanners measure nothing of the surface: it is outside of their images, or what "
             "they see of it is cut off or lost; `scanners(n, target=...)` looks at a place"
         )
-    points, normals, weights = _seen_clutter(other, some, noise)
+    points, normals, weights = _seen_clutter(clutter_points, views_from, noise)
     begin = np.cumsum([0, *n_body])
-    triangles = [view.triangles + at for view, at in zip(views, begin[:-1], strict=True)]
+    triangles = [view.triangles + offset for view, offset in zip(views, begin[:-1], strict=True)]
     return SimulatedScan(
         scan=Scan(
             np.concatenate([*(view.points for view in views), points]),
@@ -286,14 +286,14 @@ def scan(
             None if joining is None else np.concatenate(triangles),
             np.concatenate([*(view.weights for view in views), weights]),
         ),
-        view=np.concatenate([np.repeat(np.arange(len(some)), n_body), other.view]),
+        view=np.concatenate([np.repeat(np.arange(len(views_from)), n_body), clutter_points.view]),
         clutter=np.arange(begin[-1] + C) >= begin[-1],
         face=np.concatenate([*(view.face for view in views), np.full(C, -1)]),
         shares=np.concatenate([*(view.shares for view in views), np.zeros((C, 3))]),
         surface=surface,
         faces=mesh.faces,
         seen=np.any([view.seen for view in views], axis=0),
-        scanners=some,
+        scanners=views_from,
     )
 
 
@@ -303,11 +303,11 @@ def _seen_clutter(
     """Points (C, 3) m of clutter with noise, their normals (C, 3), and their weights (C,) m^2."""
     points, weights = other.points.copy(), np.zeros(len(other.points))
     for number, scanner in enumerate(scanners):
-        mine = other.view == number
-        at, normals = points[mine], other.normals[mine]
-        exact = scanner.seen(at)[:, 2]
-        rays = (at - scanner.place) / exact[:, None]
-        depth = noisy(exact, angles(at, normals, scanner), noise, other.error[mine])
-        points[mine] = scanner.place + depth[:, None] * rays
-        weights[mine] = areas(depth, normals, rays, scanner.focal)
+        own = other.view == number
+        points_exact, normals = points[own], other.normals[own]
+        exact = scanner.seen(points_exact)[:, 2]
+        rays = (points_exact - scanner.place) / exact[:, None]
+        depth = noisy(exact, angles(points_exact, normals, scanner), noise, other.error[own])
+        points[own] = scanner.place + depth[:, None] * rays
+        weights[own] = areas(depth, normals, rays, scanner.focal)
     return points, other.normals, weights

@@ -24,10 +24,10 @@ def local_features(weights: Array, parents: Sequence[int], reach: int) -> Mask:
     near = np.eye(len(parents), dtype=bool)
     for k, parent in enumerate(parents[1:], start=1):
         near[k, parent] = near[parent, k] = True
-    found = weights >= CARRIED_FROM
+    followed = weights >= CARRIED_FROM
     for _ in range(reach):
-        found = found @ near
-    return np.repeat(found[:, 1:], 9, axis=1)
+        followed = followed @ near
+    return np.repeat(followed[:, 1:], 9, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +45,20 @@ class MaskedCholesky:
     def of(gram: Array, own: Mask) -> "MaskedCholesky":
         """The factors of a matrix (n, n), given which rows belong to each vertex, (N, n)."""
         patterns, group = np.unique(own, axis=0, return_inverse=True)
-        found = []
+        groups = []
         for g, pattern in enumerate(patterns):
             if not pattern.any():
                 continue
             rows = np.flatnonzero(pattern)
             L = scipy.linalg.cholesky(gram[np.ix_(rows, rows)], lower=True)
-            found.append((np.flatnonzero(group.ravel() == g), rows, L))
-        return MaskedCholesky(tuple(found))
+            groups.append((np.flatnonzero(group.ravel() == g), rows, L))
+        return MaskedCholesky(tuple(groups))
 
     def solved(self, right: Array) -> Array:
         """The solutions for right sides (N, 3, n), zero in the rows that are not the vertex's."""
-        found = np.zeros_like(right)
+        solutions = np.zeros_like(right)
         for vertices, rows, L in self.groups:
             flat = right[vertices][:, :, rows].reshape(-1, len(rows)).T
             solved = scipy.linalg.cho_solve((L, True), flat).T
-            found[np.ix_(vertices, np.arange(3), rows)] = solved.reshape(len(vertices), 3, -1)
-        return found
+            solutions[np.ix_(vertices, np.arange(3), rows)] = solved.reshape(len(vertices), 3, -1)
+        return solutions

@@ -26,7 +26,7 @@ from workbench.training.normal_equations import NormalEquations, steihaug
 from workbench.training.objective import Objective, weight_grams
 from workbench.training.poses import fitted_poses
 from workbench.training.shares import MOST_WEIGHTS, few_shares, fit_joint_regressor
-from workbench.training.subsampling import ENOUGH, subsample
+from workbench.training.subsampling import POSE_VERTICES, subsample
 
 Facts = dict[str, float]  # of a block: numbers about how it found its estimate
 REST = ("templates", "joints")
@@ -36,12 +36,12 @@ SKINNING = ("templates", *SKELETON)
 SURFACES = ("templates", "posedirs", "joints")
 POSE_STEPS = 2  # of Levenberg-Marquardt in a round: the next round changes the model anyway
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
-GOOD, POOR = 0.75, 0.25  # gain ratios above which the region grows, and below which it shrinks
+GOOD_GAIN, POOR_GAIN = 0.75, 0.25  # above the one the region grows, below the other it shrinks
 SMALLEST_RADIUS = 1e-8  # of the longest step: no further decrease is to be expected
 NO_LIMIT = 10**6
 ROUND = ("regressor", "surfaces", "poses")
 REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
-ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E_J later
+ROUGH_FACTOR, TIED_FACTOR = 2.5, 0.2  # on the sigma of E_D at first, and on that of E_J later
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class BlockOptions:
     enough: float = 0.0
     products: int = 300
     most_weights: int = MOST_WEIGHTS
-    pose_vertices: int = ENOUGH
+    pose_vertices: int = POSE_VERTICES
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def fit_poses(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]
     objective, options = context.objective, context.options
     template = estimate.templates.mean(axis=0) if objective.template is None else objective.template
     few = subsample(template, context.faces, options.pose_vertices)
-    found = fitted_poses(
+    candidates = fitted_poses(
         few.estimate(estimate),
         few.registrations(objective.registrations),
         few.faces,
@@ -100,9 +100,9 @@ def fit_poses(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]
         POSE_STEPS,
         execution=context.execution,
     ).poses
-    fitted = objective.by_registration(replace(estimate, poses=found))
-    better = fitted < objective.by_registration(estimate)
-    poses = np.where(better[:, None, None], found, estimate.poses)
+    costs = objective.by_registration(replace(estimate, poses=candidates))
+    better = costs < objective.by_registration(estimate)
+    poses = np.where(better[:, None, None], candidates, estimate.poses)
     return replace(estimate, poses=poses), {"poses changed": float(better.mean())}
 
 
@@ -132,10 +132,10 @@ def fit_linear(
 def fit_regressor(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]:
     """Fit the joint regressor; from here on E_J compares joints with it, not with their rings."""
     objective = context.objective
-    found = fit_joint_regressor(estimate.templates, estimate.joints, objective.rings)
-    kept = replace(estimate, regressor=found.matrix)
-    lower = objective.cost(kept) <= objective.cost(estimate)  # rings may reach farther than it
-    return kept if lower else estimate, {"kkt": found.kkt}
+    regressor = fit_joint_regressor(estimate.templates, estimate.joints, objective.rings)
+    moved = replace(estimate, regressor=regressor.matrix)
+    lower = objective.cost(moved) <= objective.cost(estimate)  # rings may reach farther than it
+    return moved if lower else estimate, {"kkt": regressor.kkt}
 
 
 def fit_weights(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]:
@@ -163,45 +163,49 @@ def fit_in_trust_region(
     objective, options = context.objective, context.options
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
-    while facts["steps"] < options.together_steps:
-        if options.enough > 0 and objective.rms(estimate) < options.enough:
-            break
-        equations = NormalEquations(objective, estimate, names)
-        negative_gradient = equations.negative_gradient
-        while True:
-            step = steihaug(
-                equations.product,
-                equations.preconditioned,
-                negative_gradient,
-                radius=radius,
-                tolerance=options.together_tolerance,
-                most=options.products,
-            )
-            longest = max(longest, step.length)
-            facts["products"] += step.iterations
-            turned = float(np.abs(step.change["poses"]).max())
-            if radius == inf and turned > LARGEST_TURN:
-                radius = step.length * LARGEST_TURN / turned
-                continue
-            moved = estimate.moved(step.change)
-            if "weights" in names:
-                kept = moved.weights.clip(0)
-                moved = replace(moved, weights=kept / kept.sum(axis=1, keepdims=True))
-            fall = cost - objective.cost(moved)
-            if fall > GOOD * step.predicted and not step.inside:
-                radius *= 2
-            elif fall < POOR * step.predicted:
-                radius = step.length / 4
-            if fall > 0:
-                break
-            if radius <= SMALLEST_RADIUS * longest:
-                return estimate, facts
+    equations = NormalEquations(objective, estimate, names)
+    done = options.together_steps == 0 or _exact(context, estimate)
+    while not done:
+        step = steihaug(
+            equations.product,
+            equations.preconditioned,
+            equations.negative_gradient,
+            radius=radius,
+            tolerance=options.together_tolerance,
+            most=options.products,
+        )
+        longest = max(longest, step.length)
+        facts["products"] += step.iterations
+        turned = float(np.abs(step.change["poses"]).max())
+        if radius == inf and turned > LARGEST_TURN:
+            radius = step.length * LARGEST_TURN / turned
+            continue
+        moved = estimate.moved(step.change)
+        if "weights" in names:
+            positive = moved.weights.clip(0)
+            moved = replace(moved, weights=positive / positive.sum(axis=1, keepdims=True))
+        fall = cost - objective.cost(moved)
+        if fall > GOOD_GAIN * step.predicted and not step.inside:
+            radius *= 2
+        elif fall < POOR_GAIN * step.predicted:
+            radius = step.length / 4
+        if not fall > 0:
+            done = radius <= SMALLEST_RADIUS * longest
+            continue
         estimate, cost = moved, cost - fall
+        equations = NormalEquations(objective, estimate, names)
         facts["steps"] += 1
         context.execution.finished(int(facts["steps"]), options.together_steps)
-        if fall < options.together_stop * cost:
-            break
+        settled = fall < options.together_stop * cost
+        last = facts["steps"] == options.together_steps
+        done = settled or last or _exact(context, estimate)
     return estimate, facts
+
+
+def _exact(context: BlockInput, estimate: Estimate) -> bool:
+    """Whether the data are explained well enough to stop."""
+    enough = context.options.enough
+    return enough > 0 and context.objective.rms(estimate) < enough
 
 
 Block = Callable[[BlockInput, Estimate], tuple[Estimate, Facts]]
@@ -309,11 +313,12 @@ def _alternating(
     """Templates and poses with a larger sigma of the data, the blocks `first`, and then, with
     joints tied to the regressor, rounds of `each`, and `last`.
     """
-    held = Sigmas() if sigmas is None else sigmas
-    tied = replace(held, rings=TIED * held.rings)
+    sigmas = Sigmas() if sigmas is None else sigmas
+    rough = replace(sigmas, data=ROUGH_FACTOR * sigmas.data)
+    tied = replace(sigmas, rings=TIED_FACTOR * sigmas.rings)
     return (
-        Stage(replace(held, data=ROUGH * held.data), ("rest", "poses"), 1, QUICK),
-        Stage(held, first, 1, QUICK),
+        Stage(rough, ("rest", "poses"), 1, QUICK),
+        Stage(sigmas, first, 1, QUICK),
         Stage(tied, each, rounds, QUICK),
         Stage(tied, last, 1, QUICK),
     )

@@ -22,7 +22,7 @@ from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.writing import replacing
 
 VERSION = "2:"  # of fingerprints
-FILE, FACTS, FORMER = "checkpoint.npz", "facts", "said"  # the former name is read as well
+FILE, FACTS, FORMER_FACTS = "checkpoint.npz", "facts", "said"  # the former name is read as well
 SHARES = ("weights", "regressor")  # the arrays whose rows sum to one
 REMOVE = "remove it to start anew, or choose another folder"
 
@@ -66,7 +66,7 @@ def read_checkpoint(
     if not path.exists():
         return None
     with opened(path, "checkpoint of this training", REMOVE) as archive:
-        named = FORMER if FORMER in archive.headers else FACTS
+        named = FORMER_FACTS if FORMER_FACTS in archive.headers else FACTS
         stored = facts_in(read_expected(archive, {named: texts()})[named])
         if (digest := stored.text("fingerprint")) != fingerprint:
             raise BadFile(
@@ -80,9 +80,9 @@ def read_checkpoint(
         if [entry.block for entry in log] != list(blocks[: len(log)]):
             raise BadFile("its log tells of other blocks than the plan's")
         expected = {name: doubles(*array.shape) for name, array in first.arrays().items()}
-        regressor = doubles(*first.weights.T.shape)
+        regressor_shape = doubles(*first.weights.T.shape)
         learned = any(entry.block == "regressor" for entry in log)  # and kept from there on
-        expected["regressor"] = regressor if learned else optional(regressor)
+        expected["regressor"] = regressor_shape if learned else optional(regressor_shape)
         nothing_else(archive, (*expected, named))
         arrays = read_expected(archive, expected)
         for name, array in arrays.items():
@@ -92,26 +92,26 @@ def read_checkpoint(
                 array.min(initial=0) < 0 or (abs(array.sum(axis=1) - 1) > ROW_SUM_TOLERANCE).any()
             ):
                 raise BadFile(f"{name} are no shares: some are negative, or do not sum to 1")
-    found = csr_array(arrays.pop("regressor")) if "regressor" in arrays else None
-    estimate = Estimate(**arrays, parents=first.parents, regressor=found)
+    regressor = csr_array(arrays.pop("regressor")) if "regressor" in arrays else None
+    estimate = Estimate(**arrays, parents=first.parents, regressor=regressor)
     return TrainingCheckpoint(estimate, log, fingerprint)
 
 
-def log_entry(given: object, name: str) -> LogEntry:
+def log_entry(stored: object, name: str) -> LogEntry:
     """An entry of the log. Raises BadFile if it is none."""
-    entry = facts(given, name)
-    found = LogEntry(
-        block=entry.text("block"),
-        before=entry.named("before", amount),
-        after=entry.named("after", amount),
-        facts=entry.named("facts", number),
-        seconds=entry.amount("seconds"),
+    fields = facts(stored, name)
+    entry = LogEntry(
+        block=fields.text("block"),
+        before=fields.named("before", amount),
+        after=fields.named("after", amount),
+        facts=fields.named("facts", number),
+        seconds=fields.amount("seconds"),
     )
-    if found.before.keys() != found.after.keys():
-        raise BadFile(f"{name} has costs {listed(found.before)}, and later {listed(found.after)}")
-    if not all(map(isfinite, (found.seconds, *found.before.values(), *found.after.values()))):
+    if entry.before.keys() != entry.after.keys():
+        raise BadFile(f"{name} has costs {listed(entry.before)}, and later {listed(entry.after)}")
+    if not all(map(isfinite, (entry.seconds, *entry.before.values(), *entry.after.values()))):
         raise BadFile(f"{name} holds costs or seconds that are not finite")
-    return found
+    return entry
 
 
 def fingerprint(

@@ -183,13 +183,13 @@ class SkinningPass:
         if "posedirs" in change:
             rest.append(bent(change["posedirs"], self.features))
         if "joints" in change:
-            shifts.append(_each(self.posing.levers, change["joints"][self.subject]))
+            shifts.append(_times(self.posing.levers, change["joints"][self.subject]))
         if "poses" in change:
             d_world, d_local = self.posing.turning(change["poses"][self.some])
             blended.append(blend_matrices(self.estimate.weights, d_world))
             d_levers = -d_world
             d_levers[:, 1:] += d_world[:, list(self.estimate.parents[1:])]
-            shifts.append(_each(d_levers, self.estimate.joints[self.subject]))
+            shifts.append(_times(d_levers, self.estimate.joints[self.subject]))
             d_features = d_local[:, 1:].reshape(len(d_local), -1)
             rest.append(bent(self.estimate.posedirs, d_features))
         if "weights" in change:
@@ -219,7 +219,7 @@ class SkinningPass:
         if names & {"joints", "poses"}:
             on_shifts = self.estimate.subtree_weights.T @ cotangent  # (c, K, 3)
         if "joints" in into:
-            on_joints = _each(self.posing.levers.swapaxes(-1, -2), on_shifts)
+            on_joints = _times(self.posing.levers.swapaxes(-1, -2), on_shifts)
             np.add.at(into["joints"], self.subject, on_joints)
         if names & {"poses", "weights"}:
             outer = (cotangent[..., :, None] * self.rest[..., None, :]).reshape(c, -1, 9)
@@ -227,8 +227,8 @@ class SkinningPass:
             into["poses"][self.some] += self._on_poses(outer, on_shifts, on_rest)
         if "weights" in into:
             world = self.posing.world.reshape(c, -1, 9)
-            into["weights"] += _summed(outer, world)
-            below = _summed(cotangent, self.shifts) @ ancestors(self.estimate.parents).T
+            into["weights"] += _gram(outer, world)
+            below = _gram(cotangent, self.shifts) @ ancestors(self.estimate.parents).T
             into["weights"] += below
 
     def _on_poses(self, outer: Array, on_shifts: Array, on_rest: Array) -> Array:
@@ -260,9 +260,9 @@ class SkinningPass:
         A = ancestors(self.estimate.parents)
         offsets = A @ self.shifts  # of the binding motions
         posed = self.by_joint() * self.estimate.weights[..., None]
-        at = _each(self.posing.world, self.estimate.joints[self.subject]) + offsets
+        joints = _times(self.posing.world, self.estimate.joints[self.subject]) + offsets
         below = np.einsum("km,jnka->jnma", A, posed, optimize=True)
-        return np.asarray(below - self.estimate.subtree_weights[..., None] * at[:, None])
+        return np.asarray(below - self.estimate.subtree_weights[..., None] * joints[:, None])
 
     def blend_shape_turn_derivatives(self) -> Array:
         """How small turns of all joints but the root move vertices by pose blend shapes.
@@ -289,7 +289,7 @@ def bent(posedirs: Array, features: Array) -> Array:
     return np.asarray(features @ posedirs.reshape(3 * N, -1).T).reshape(-1, N, 3)
 
 
-def _each(matrices: Array, vectors: Array) -> Array:
+def _times(matrices: Array, vectors: Array) -> Array:
     """Matrices (..., 3, 3), each times its vector (..., 3), by matrix products."""
     return np.asarray((matrices @ vectors[..., None])[..., 0])
 
@@ -298,7 +298,7 @@ def _apply(matrices: Array, points: Array) -> Array:
     return np.asarray(np.einsum("jnab,jnb->jna", matrices, points))
 
 
-def _summed(left: Array, right: Array) -> Array:
+def _gram(left: Array, right: Array) -> Array:
     """sum over j and d of left (c, N, d) right (c, K, d): (N, K)."""
     N, K = left.shape[1], right.shape[1]
     flat_left = left.transpose(1, 0, 2).reshape(N, -1)

@@ -29,9 +29,9 @@ from workbench.training.registrations import (
 from workbench.training.shape_training import unposed_people, unposing_jobs
 
 CARD = "made.json"  # beside registrations that were made up: how they were made
-STEPS = 4  # of Gauss-Newton for a held-out person's rest shape and poses
-ROUNDS = 4  # of fitting the poses of the registrations that count
-REGRESSED = 0.0005  # m: how far joints may be from the regressor's
+SHAPE_STEPS = 4  # of Gauss-Newton for a held-out person's rest shape and poses
+POSE_ROUNDS = 4  # of fitting the poses of the registrations that count
+REGRESSOR_SIGMA = 0.0005  # m: how far joints may be from the regressor's
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,27 +60,25 @@ def evaluate_held_out(
     mirror = None
     if body.mirror is not None:
         mirror = Mirror(body.mirror, opposites(body.joint_names))
-    rows = np.arange(len(registrations.subject))
-    sorted_rows = np.argsort(registrations.subject, kind="stable")
-    counts = np.bincount(registrations.subject)
-    place = np.empty_like(rows)  # of each registration among those of its subject
-    place[sorted_rows] = rows - np.repeat(np.cumsum(counts) - counts, counts)
-    shape_set, pose_set = (
-        in_memory(RegistrationSubset(registrations, rows[place % 2 == half])) for half in (0, 1)
-    )
+    shape_set, pose_set = _halves(registrations)
     start, R = Start.of(body), body.J_regressor
-    sigmas = Sigmas(rings=REGRESSED)
+    sigmas = Sigmas(rings=REGRESSOR_SIGMA)
     options = BlockOptions(
-        linear_tolerance=1e-3, products=60, together_steps=STEPS, pose_vertices=body.n_vertices
+        linear_tolerance=1e-3,
+        products=60,
+        together_steps=SHAPE_STEPS,
+        pose_vertices=body.n_vertices,
     )
 
     def first_of(some: Registrations) -> Estimate:
         first = first_estimate(some, start, weights=body.weights, rings=R)
         return replace(first_poses(first, some, start, execution=execution), posedirs=body.posedirs)
 
+    def objective(some: Registrations) -> Objective:
+        return Objective(some, R, body.weights, mirror, sigmas, body.template)
+
     def after(some: Registrations, estimate: Estimate, blocks: tuple[str, ...]) -> Estimate:
-        objective = Objective(some, R, body.weights, mirror, sigmas, body.template)
-        context = BlockInput(objective, body.faces, options, execution)
+        context = BlockInput(objective(some), body.faces, options, execution)
         for name in blocks:
             estimate, _ = BLOCKS[name](context, estimate)
         return estimate
@@ -88,10 +86,21 @@ def evaluate_held_out(
     templates = after(shape_set, first_of(shape_set), ("rest", "poses", "people")).templates
     joints = np.stack([R @ T for T in templates])
     known = replace(first_of(pose_set), templates=templates, joints=joints)
-    found = after(pose_set, known, ROUNDS * ("poses",))
-    objective = Objective(pose_set, R, body.weights, mirror, sigmas, body.template)
-    distances = vertex_distances(objective, found)
+    fitted = after(pose_set, known, POSE_ROUNDS * ("poses",))
+    distances = vertex_distances(objective(pose_set), fitted)
     return HeldOutEvaluation(distances, templates, shape_share(body, templates))
+
+
+def _halves(registrations: Registrations) -> list[Registrations]:
+    """Every second registration of each subject from the first one on, and the others."""
+    rows = np.arange(len(registrations.subject))
+    sorted_rows = np.argsort(registrations.subject, kind="stable")
+    counts = np.bincount(registrations.subject)
+    place = np.empty_like(rows)  # of each registration among those of its subject
+    place[sorted_rows] = rows - np.repeat(np.cumsum(counts) - counts, counts)
+    return [
+        in_memory(RegistrationSubset(registrations, rows[place % 2 == half])) for half in (0, 1)
+    ]
 
 
 def vertex_distances(objective: Objective, estimate: Estimate) -> Array:
@@ -104,12 +113,12 @@ def check_held_out(registrations: Registrations, n_vertices: int) -> None:
     check_registrations(registrations, n_vertices)
     single = np.flatnonzero(np.bincount(registrations.subject) < 2)
     if len(single):
-        who = [f"subject {s}" for s in single]
+        people = [f"subject {s}" for s in single]
         if isinstance(registrations, FolderRegistrations):
-            who = [registrations.subjects[s] for s in single]
+            people = [registrations.subjects[s] for s in single]
         raise BadArgument(
             "a held-out person needs two registrations in poses, one for the rest shape and one "
-            f"to measure; there is only one of {some(who)}"
+            f"to measure; there is only one of {some(people)}"
         )
 
 
@@ -120,7 +129,7 @@ def shape_share(body: SkinnedBody, people: Array) -> float:
     away = people - body.template
     away = (away - away.mean(axis=1, keepdims=True)).reshape(len(people), -1)
     S = body.shapedirs - body.shapedirs.mean(axis=0, keepdims=True)
-    Q, _ = np.linalg.qr(S.reshape(-1, body.n_betas))
+    Q, _ = np.linalg.qr(S.reshape(away.shape[1], -1))
     whole = np.sum(away**2)
     return float(np.sum((away @ Q) ** 2) / whole) if whole else 1.0
 
@@ -133,8 +142,8 @@ def shapes_explained(
     They are brought into the rest pose in the same way as the people in the training.
     """
     work = partial(unposed_people, body, 1.0)
-    found = execution.executor(work, unposing_jobs(registrations))
-    people = np.concatenate([rest for _, rest in found])
+    results = execution.executor(work, unposing_jobs(registrations))
+    people = np.concatenate([rest for _, rest in results])
     return {
         "people_in_one_pose": len(people),
         "their_shape_variance_explained": round(shape_share(body, people), 5),
@@ -148,19 +157,19 @@ def held_out_errors(
 
     The errors are those of the body with its pose blend shapes, and without them.
     """
-    found = evaluate_held_out(body, registrations, execution)
+    blended = evaluate_held_out(body, registrations, execution)
     rigid = replace(body, posedirs=np.zeros_like(body.posedirs))
-    without = evaluate_held_out(rigid, registrations, execution).distances
-    mean, rms = mean_and_rms(found.distances)
-    rigid_mean, rigid_rms = mean_and_rms(without)
+    rigid_distances = evaluate_held_out(rigid, registrations, execution).distances
+    mean, rms = mean_and_rms(blended.distances)
+    rigid_mean, rigid_rms = mean_and_rms(rigid_distances)
     return {
-        "registrations": len(found.distances),
-        "people_in_poses": len(found.templates),
+        "registrations": len(blended.distances),
+        "people_in_poses": len(blended.templates),
         "mean_mm": mean,
         "rms_mm": rms,
         "mean_without_posedirs_mm": rigid_mean,
         "rms_without_posedirs_mm": rigid_rms,
-        "shape_variance_explained": round(found.shape_explained, 5),
+        "shape_variance_explained": round(blended.shape_explained, 5),
     }
 
 

@@ -115,14 +115,14 @@ class Processes:
             initargs=(os.getpid(),),
         )
         with _interrupts_blocked():
-            return _results(parallel, work, jobs)
+            return _parallel_results(parallel, work, jobs)
 
 
 def by_backend(work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterator[Result]:
     """An executor by what `joblib.parallel_config` has chosen, such as a Dask cluster: the result
     of each job.
     """
-    return _results(Parallel(n_jobs=-1, return_as="generator"), work, jobs)
+    return _parallel_results(Parallel(n_jobs=-1, return_as="generator"), work, jobs)
 
 
 @dataclass(frozen=True)
@@ -175,13 +175,14 @@ def _start_process(parent: int) -> None:
     end_with(parent)
 
 
-def _results(
+def _parallel_results(
     parallel: Parallel, work: Callable[[Job], Result], jobs: Iterable[Job]
 ) -> Iterator[Result]:
-    results: Iterator[Result] = parallel(delayed(partial(_limited, work))(job) for job in jobs)
+    limited = delayed(partial(_with_limited_threads, work))
+    results: Iterator[Result] = parallel(limited(job) for job in jobs)
     return results
 
 
-def _limited(work: Callable[[Job], Result], job: Job) -> Result:
+def _with_limited_threads(work: Callable[[Job], Result], job: Job) -> Result:
     with limited_threads():
         return work(job)

@@ -28,10 +28,11 @@ from workbench.writing import write_arrays
 
 FIRST_STEPS = 5  # of the first fit of a pose
 FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
-FIT, RING = 0.01, 0.05  # m: how far a segment is from rigid, and a ring's middle from the joint
-NEAREST = 80  # vertices that a joint is a mean of
+RIGID_SIGMA = 0.01  # m: how far a segment is from rigid
+RING_SIGMA = 0.05  # m: how far the middle of a ring is from the joint
+MOST_AVERAGED = 80  # vertices that a joint is a mean of
 BORDER = 0.03  # m: the width of the blurred border between two segments
-EXPECTED = {
+START_ARRAYS = {
     "template": reals("N", 3),
     "faces": wholes("F", 3),
     "parents": wholes("K"),
@@ -176,7 +177,7 @@ def read_start(name: str | Path) -> Start:
         return Start.of(load_skinned(name))
     what = "start for training", "write it with write_start, or give an embedded body"
     with opened(path, *what) as archive:
-        arrays = read_expected(archive, EXPECTED) if "segmentation" in archive.headers else None
+        arrays = read_expected(archive, START_ARRAYS) if "segmentation" in archive.headers else None
     if arrays is None:
         return Start.of(load_skinned(path))
     with taken_for(path, *what):
@@ -190,7 +191,7 @@ def read_start(name: str | Path) -> Start:
 
 def write_start(start: Start, path: Path) -> None:
     """Write a start as an .npz that `read_start` reads."""
-    write_arrays(path, {name: np.asarray(getattr(start, name)) for name in EXPECTED})
+    write_arrays(path, {name: np.asarray(getattr(start, name)) for name in START_ARRAYS})
 
 
 def first_estimate(
@@ -227,12 +228,12 @@ def first_poses(
     poses = first.poses.copy()
     template, weights = start.template[few.vertices], sparse.weights
     for batch in batches(registrations):
-        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
+        for j, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
             guess = poses_of_segments(template, weights, start.parents, V, confidence)
-            poses[batch.some.start + at] = guess
+            poses[batch.some.start + j] = guess
     execution = replace(execution, task="first poses")
     turned = replace(sparse, poses=poses)
-    found = fitted_poses(
+    fitted = fitted_poses(
         turned,
         registrations,
         few.faces,
@@ -241,7 +242,7 @@ def first_poses(
         by_edges=by_edges,
         execution=execution,
     )
-    return replace(first, poses=found.poses)
+    return replace(first, poses=fitted.poses)
 
 
 def motions_of_segments(
@@ -253,10 +254,10 @@ def motions_of_segments(
     J, K = len(registrations.subject), len(start.parents)
     R, t = np.empty((J, K, 3, 3)), np.empty((J, K, 3))
     for batch in batches(registrations):
-        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
+        for j, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
             for k, trusted in enumerate(weights.T * confidence + 1e-9 * confidence):
                 motion = procrustes(start.template, V, trusted)
-                R[batch.some.start + at, k], t[batch.some.start + at, k] = motion.R, motion.t
+                R[batch.some.start + j, k], t[batch.some.start + j, k] = motion.R, motion.t
     return R, t
 
 
@@ -268,19 +269,19 @@ def rotation_centres(
     `R` and `t` are the motions of the segments, and `rings` (K, 3) m the means of the joints'
     priors.
     """
-    found = rings.copy()
-    prior = (FIT / RING) * np.eye(6)
+    joints = rings.copy()
+    prior = (RIGID_SIGMA / RING_SIGMA) * np.eye(6)
     for k, parent in enumerate(parents[1:], start=1):
-        both = np.tile(rings[k], 2)
+        rings_twice = np.tile(rings[k], 2)
         centres = []
         for s in np.unique(subject):
             own = subject == s
             A = np.concatenate([R[own, parent], -R[own, k]], axis=2).reshape(-1, 6)
-            gap = (t[own, k] - t[own, parent]).ravel() - A @ both
+            gap = (t[own, k] - t[own, parent]).ravel() - A @ rings_twice
             step = np.linalg.solve(A.T @ A + prior.T @ prior, A.T @ gap)
             centres.append(rings[k] + step.reshape(2, 3).mean(axis=0))
-        found[k] = np.mean(centres, axis=0)
-    return found
+        joints[k] = np.mean(centres, axis=0)
+    return joints
 
 
 def means_at(template: Array, points: Array) -> csr_array:
@@ -290,7 +291,7 @@ def means_at(template: Array, points: Array) -> csr_array:
     """
     rows = np.zeros((len(points), len(template)))
     for k, point in enumerate(points):
-        near = np.argsort(np.linalg.norm(template - point, axis=1), kind="stable")[:NEAREST]
+        near = np.argsort(np.linalg.norm(template - point, axis=1), kind="stable")[:MOST_AVERAGED]
         away = template[near] - point
         gram = away @ away.T + 1e-6 * np.eye(len(near))  # m^2: evenness decides among exact ones
         first = np.full(len(near), 1 / len(near))

@@ -30,7 +30,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.environment import expanded
 from workbench.errors import BadFile, WorkbenchError, listed, shown, some
 from workbench.geometry.meshes import (
-    READERS,
+    MESH_READERS,
     UNSHARED,
     WITH_VERTEX_ORDER,
     read_registered,
@@ -52,19 +52,19 @@ from workbench.training.registrations import FARTHEST, Batch
 
 TABLE = "registrations.csv"
 GENDERS, SETS = ("female", "male", "neutral"), ("poses", "shapes")
-LARGEST, SMALLEST = 10.0, 0.02  # m across: larger or smaller bodies are in another unit
-UNLIKE = 3.0  # how many times larger or smaller than most others a mesh may be
+LARGEST_SIZE, SMALLEST_SIZE = 10.0, 0.02  # m across: larger or smaller bodies are in another unit
+MOST_UNLIKE = 3.0  # how many times larger or smaller than most others a mesh may be
 COLUMNS = ("file", "subject", "gender", "set")
-SUFFIXES = (*READERS, ".npz", ".npy")  # an .stl is refused when it is read, and told why
+SUFFIXES = (*MESH_READERS, ".npz", ".npy")  # an .stl is refused when it is read, and told why
 MOST_LISTED = 10  # bad files in one message
-IN_ARCHIVE = {
+ARRAYS = {
     "vertices": any_reals("N", 3),
     "faces": optional(wholes("F", 3)),
     "confidence": optional(any_reals("N")),
     "seen": optional(any_reals("N")),
 }
-SUBJECT = "one"  # what the subject of files without a table is called
-LONGEST = 300  # letters of a file's or a subject's name: file systems take 255
+UNNAMED_SUBJECT = "one"  # what the subject of files without a table is called
+LONGEST_NAME = 300  # letters of a file's or a subject's name: file systems take 255
 
 
 @dataclass(frozen=True)
@@ -118,10 +118,10 @@ class FolderRegistrations:
 
     def read(self, some: slice) -> Batch:
         """The registrations of these rows, read from their files. Raises BadFile."""
-        vertices, confidence = zip(*(self.one(row) for row in self.rows[some]), strict=True)
+        vertices, confidence = zip(*(self.read_row(row) for row in self.rows[some]), strict=True)
         return Batch(some, self.subject[some], np.stack(vertices), np.stack(confidence))
 
-    def one(self, row: Row) -> tuple[Array, Array]:
+    def read_row(self, row: Row) -> tuple[Array, Array]:
         """The vertices (N, 3) m of a row, and their confidence (N,)."""
         N, (vertices, faces, confidence) = self.n_vertices, _read_mesh(self.folder, row.file)
         if vertices.shape != (N, 3):
@@ -156,19 +156,19 @@ def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrati
     Raises BadFile that names what cannot be used and why: another topology, numbers that are not
     finite, a mirrored mesh, another unit than metres.
     """
-    found = FolderRegistrations(folder, read_table(folder / TABLE), n_vertices, faces)
-    check_every_file(found, faces, str(folder))
-    return found
+    registrations = FolderRegistrations(folder, read_table(folder / TABLE), n_vertices, faces)
+    check_every_file(registrations, faces, str(folder))
+    return registrations
 
 
-def check_every_file(found: FolderRegistrations, faces: Index, place: str) -> None:
+def check_every_file(registrations: FolderRegistrations, faces: Index, place: str) -> None:
     """Read every registration in a place. Raises BadFile that names all that cannot be used."""
-    rows = found.rows
+    rows = registrations.rows
     bad, mirrored = list[str](), list[str]()
     sizes: dict[str, float] = {}
     for row in rows:
         try:
-            vertices, confidence = found.one(row)
+            vertices, confidence = registrations.read_row(row)
         except (WorkbenchError, OSError, ValueError) as error:
             bad.append(str(error))
             continue
@@ -180,12 +180,12 @@ def check_every_file(found: FolderRegistrations, faces: Index, place: str) -> No
             )
     ordinary = float(np.median([*sizes.values()])) if sizes else 1.0
     for file, size in sizes.items():
-        if not SMALLEST <= size <= LARGEST:
+        if not SMALLEST_SIZE <= size <= LARGEST_SIZE:
             bad.append(
                 f"{file} is {size:.3g} m across; metres are expected (millimetres look 1000 "
                 "times, centimetres 100 times too large)"
             )
-        elif not 1 / UNLIKE < size / ordinary < UNLIKE:
+        elif not 1 / MOST_UNLIKE < size / ordinary < MOST_UNLIKE:
             bad.append(f"{file} is {size:.3g} m across, most are {ordinary:.3g} m: another unit?")
     bad += mirrored
     if bad:
@@ -234,13 +234,13 @@ def _row(path: Path, number: int, line: dict[str, str | None], suffixes: Collect
     where = f"{path}, line {number}"
     if None in line:
         raise BadFile(f"{where} has more cells than the table has columns")
-    given = {k: (v or "").strip() for k, v in line.items() if k in ("file", "subject")}
-    if not all(given.values()):
+    required = {k: (v or "").strip() for k, v in line.items() if k in ("file", "subject")}
+    if not all(required.values()):
         raise BadFile(f"{where}: file and subject must not be empty")
-    for name, text in given.items():
-        if len(text) > LONGEST:
-            raise BadFile(f"{where}: {name} has over {LONGEST} letters: {shown(text)}")
-    row = Row(**given)
+    for name, text in required.items():
+        if len(text) > LONGEST_NAME:
+            raise BadFile(f"{where}: {name} has over {LONGEST_NAME} letters: {shown(text)}")
+    row = Row(**required)
     for name, known in (("gender", GENDERS), ("set", SETS)):
         value = (line.get(name) or "").strip().lower() or getattr(row, name)
         if value not in known:
@@ -273,7 +273,7 @@ def _read_mesh(folder: Path, file: str) -> tuple[Array, Index | None, Array | No
             taken_for(file, "registration", "repair it, or leave it out of the table"),
             open_arrays(path) as archive,
         ):
-            arrays = read_expected(archive, IN_ARCHIVE)
+            arrays = read_expected(archive, ARRAYS)
         confidence = arrays.get("confidence", arrays.get("seen"))
         return arrays["vertices"], arrays.get("faces"), confidence
     mesh = read_registered(path, points_alone=True)
@@ -302,32 +302,32 @@ def read_meshes(
     if not paths:
         raise BadFile("no meshes were given; name a folder, a stack .npy, or one file for a frame")
     place, rows = ", ".join(p.name for p in paths[:3]), [r for p in paths for r in _rows(p)]
-    if len(who := {row.subject for row in rows}) > 1:
+    if len(people := {row.subject for row in rows}) > 1:
         raise BadFile(
-            f"the meshes are of {len(who)} subjects ({some(tuple(sorted(who)))}), but a rig is "
-            "found for one; give the meshes of one, or train a body with `workbench train`"
+            f"the meshes are of {len(people)} subjects ({some(tuple(sorted(people)))}), but a rig "
+            "is found for one; give the meshes of one, or train a body with `workbench train`"
         )
-    own, faces = (None, None) if rest is None else _at_rest(rest)
+    at_rest, faces = (None, None) if rest is None else _at_rest(rest)
     first = rows[0].file
-    N = len(own if own is not None else _read_mesh(Path(), first)[0])
+    N = len(at_rest if at_rest is not None else _read_mesh(Path(), first)[0])
     if faces is None:
         each = (_read_mesh(Path(), row.file)[1] for row in rows)
-        faces = next((some for some in each if some is not None), None)
+        faces = next((own for own in each if own is not None), None)
     if faces is None:
         raise BadFile(
             "none of the files has faces; give a mesh of the same topology that has some, with "
             "--rest"
         )
-    found = FolderRegistrations(Path(), tuple(rows), N, faces)
-    check_every_file(found, faces, place)
-    batch = found.read(slice(0, len(rows)))
-    if (batch.confidence < 1).any():
-        bad = int((batch.confidence < 1).any(axis=1).argmax())
+    registrations = FolderRegistrations(Path(), tuple(rows), N, faces)
+    check_every_file(registrations, faces, place)
+    meshes = registrations.read(slice(0, len(rows)))
+    if (meshes.confidence < 1).any():
+        bad = int((meshes.confidence < 1).any(axis=1).argmax())
         raise BadFile(
             f"{rows[bad].file} has vertices of confidence below 1; a rig needs every vertex of "
             "every mesh, so leave such meshes out, or complete them"
         )
-    return batch.vertices, faces, own
+    return meshes.vertices, faces, at_rest
 
 
 def _rows(path: Path) -> list[Row]:
@@ -345,8 +345,8 @@ def _rows(path: Path) -> list[Row]:
     if path.suffix.lower() not in SUFFIXES:
         raise BadFile(f"{path} is none of {listed(SUFFIXES)}")
     if path.suffix.lower() == ".npy" and (stack := _stack(path)).ndim == 3:
-        return [Row(f"{path}#{i}", SUBJECT) for i in range(len(stack))]
-    return [Row(str(path), SUBJECT)]
+        return [Row(f"{path}#{i}", UNNAMED_SUBJECT) for i in range(len(stack))]
+    return [Row(str(path), UNNAMED_SUBJECT)]
 
 
 def _numbered(path: Path) -> list[tuple[int, str]]:

@@ -26,7 +26,7 @@ from workbench.training.registrations import Batch, over_halves, pieces
 
 Operator = Callable[[Change], Change]
 KEPT_BYTES = 2**32  # kept between products; where more would be needed, it is computed anew
-BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
+BYTES_PER_VERTEX = 160  # of a vertex in a pose: its blended rotation, place at rest, target
 RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
 
 
@@ -102,7 +102,7 @@ def plus(a: Change, b: Change, share: float) -> Change:
     return {name: a[name] + share * b[name] for name in a}
 
 
-Passed = tuple[Batch, SkinningPass]
+BatchPass = tuple[Batch, SkinningPass]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +128,8 @@ class NormalEquations:
 
         def of_data(some: Sequence[slice]) -> Change:
             data = self.estimate.zero_change(self.names)
-            for passed, cotangent, _ in self.objective.residuals(self.estimate, some):
-                passed.adjoint(cotangent, data)
+            for skinning, cotangent, _ in self.objective.residuals(self.estimate, some):
+                skinning.adjoint(cotangent, data)
             return data
 
         data = over_halves(of_data, pieces(self.objective.registrations))
@@ -138,91 +138,91 @@ class NormalEquations:
     def product(self, change: Change) -> Change:
         """J'J times a change."""
 
-        def of_data(passes: Sequence[Callable[[], Passed]]) -> Change:
+        def of_data(passes: Sequence[Callable[[], BatchPass]]) -> Change:
             data = self.estimate.zero_change(self.names)
-            for one in passes:
-                batch, passed = one()
-                moved, _ = centred(batch, passed.tangent(change))
-                passed.adjoint(trusted(batch, moved), data)
+            for evaluate in passes:
+                batch, skinning = evaluate()
+                moved, _ = centred(batch, skinning.tangent(change))
+                skinning.adjoint(trusted(batch, moved), data)
             return data
 
         data = over_halves(of_data, self._passes)
         return self._sum(self.objective.prior_hessian_product(self.estimate, change), data)
 
     @cached_property
-    def _passes(self) -> list[Callable[[], Passed]]:
+    def _passes(self) -> list[Callable[[], BatchPass]]:
         """A function for each pass, which returns it from memory or, if there are many, anew."""
         source = self.objective.registrations
 
-        def passed(some: slice) -> Passed:
+        def evaluated(some: slice) -> BatchPass:
             batch = source.read(some)
             return batch, SkinningPass.of(self.estimate, some, batch.subject)
 
-        anew: list[Callable[[], Passed]] = [partial(passed, some) for some in pieces(source)]
-        small = len(source.subject) * source.n_vertices * BYTES_EACH < KEPT_BYTES
-        return [cache(one) for one in anew] if small else anew
+        anew: list[Callable[[], BatchPass]] = [partial(evaluated, some) for some in pieces(source)]
+        small = len(source.subject) * source.n_vertices * BYTES_PER_VERTEX < KEPT_BYTES
+        return [cache(evaluate) for evaluate in anew] if small else anew
 
     def _sum(self, prior: Change, of_data: list[Change]) -> Change:
         scale = self.objective.sigmas.data**-2
-        found = {name: prior[name] + scale * sum(d[name] for d in of_data) for name in self.names}
-        if "weights" in found:
-            found["weights"] = within(found["weights"], self.support)
-        if "posedirs" in found and self.objective.locality is not None:
-            found["posedirs"] *= self.objective.locality[:, None]
-        return found
+        total = {name: prior[name] + scale * sum(d[name] for d in of_data) for name in self.names}
+        if "weights" in total:
+            total["weights"] = within(total["weights"], self.support)
+        if "posedirs" in total and self.objective.locality is not None:
+            total["posedirs"] *= self.objective.locality[:, None]
+        return total
 
     def preconditioned(self, change: Change) -> Change:
         """Approximately the inverse of J'J times a change.
 
         It would be exact if blended rotations were rotations, and if the names were independent.
         """
-        found: Change = {}
+        step: Change = {}
         if {"templates", "posedirs"} & set(self.names):
-            found |= self._surfaces(change)
+            step |= self._surfaces(change)
         if "joints" in self.names:
-            pull, X = change["joints"], self._template_response
+            joints, X = change["joints"], self._template_response
             if X is not None:
                 at_rest = change["templates"].reshape(len(X), -1, 1)
-                pull = pull - (X.swapaxes(1, 2) @ at_rest).reshape(pull.shape)
-            found["joints"] = _solved(self._joint_blocks, pull)
+                joints = joints - (X.swapaxes(1, 2) @ at_rest).reshape(joints.shape)
+            step["joints"] = _solved(self._joint_blocks, joints)
             if X is not None:
-                answer = X @ found["joints"].reshape(len(X), -1, 1)
-                found["templates"] = found["templates"] - answer.reshape(change["templates"].shape)
+                answer = X @ step["joints"].reshape(len(X), -1, 1)
+                step["templates"] = step["templates"] - answer.reshape(change["templates"].shape)
         if "poses" in self.names:
-            found["poses"] = _solved(self._pose_blocks, change["poses"])
+            step["poses"] = _solved(self._pose_blocks, change["poses"])
         if "weights" in self.names:
             pulled = within(change["weights"], self.support)
             solved = np.stack([L @ g for L, g in zip(self._weight_blocks, pulled, strict=True)])
-            found["weights"] = solved
-        return {name: found[name] for name in self.names}
+            step["weights"] = solved
+        return {name: step[name] for name in self.names}
 
     def _surfaces(self, change: Change) -> Change:
         """Templates and posedirs: one matrix for all coordinates of all vertices.
 
         Each vertex and its mirror image are split into their symmetric and antisymmetric parts.
         """
-        both = []
+        columns = []
         if "templates" in self.names:
-            both.append(change["templates"].transpose(1, 2, 0))
+            columns.append(change["templates"].transpose(1, 2, 0))
         if "posedirs" in self.names:
-            both.append(change["posedirs"])
-        x = np.concatenate(both, axis=2)
+            columns.append(change["posedirs"])
+        x = np.concatenate(columns, axis=2)
         mirror = self.objective.mirror
         if self.objective.locality is not None and "posedirs" in self.names:
-            found = self._local_factors.solved(x)
+            solution = self._local_factors.solved(x)
         elif mirror is None or "templates" not in self.names:
-            found = _by_cholesky(self._gram_factors[0], x)
+            solution = _by_cholesky(self._gram_factors[0], x)
         else:
             other = mirror.directions(x)
             even, odd = self._gram_factors
-            found = _by_cholesky(even, (x + other) / 2) + _by_cholesky(odd, (x - other) / 2)
+            solution = _by_cholesky(even, (x + other) / 2) + _by_cholesky(odd, (x - other) / 2)
         if "templates" not in self.names:
-            return {"posedirs": found}
+            return {"posedirs": solution}
         S = len(self.estimate.templates)
-        rest: Change = {"templates": found[:, :, :S].transpose(2, 0, 1)}
+        parts: Change = {"templates": solution[:, :, :S].transpose(2, 0, 1)}
         if "posedirs" in self.names:
-            rest["posedirs"] = found[:, :, S:]
-        return rest
+            parts["posedirs"] = solution[:, :, S:]
+        return parts
 
     @cached_property
     def _gram_factors(self) -> tuple[Array, Array]:
@@ -268,23 +268,23 @@ class NormalEquations:
         """The inverse blocks of the joints, (S, 3 K, 3 K)."""
         S, K = self.estimate.joints.shape[:2]
         s = self.objective.sigmas
-        away = self._subtree_weights
+        below = self._subtree_weights
         D = self.estimate.posing.levers  # (J, K, 3, 3)
         counts = np.bincount(self.objective.registrations.subject)
         blocks = np.zeros((S, 3 * K, 3 * K))
         for j, subject in enumerate(self.objective.registrations.subject):
             flat = D[j].transpose(1, 0, 2).reshape(3, 3 * K)
             blocks[subject] += flat.T @ flat
-        blocks *= np.kron(away.T @ away, np.ones((3, 3)))
+        blocks *= np.kron(below.T @ below, np.ones((3, 3)))
         if self._template_response is not None:
             for n, block, X in zip(counts, blocks, self._template_response, strict=True):
                 block -= n * (X.T @ X)
         blocks /= s.data**2
-        held = 1 / s.rings**2
+        precision = 1 / s.rings**2
         if self.objective.mirror is not None:
-            held += 2 / s.joint_symmetry**2
-        inverses = _inverses(blocks + held * np.eye(3 * K))
-        if not held:  # no registration shows about which point the root turns, so it stays
+            precision += 2 / s.joint_symmetry**2
+        inverses = _inverses(blocks + precision * np.eye(3 * K))
+        if not precision:  # no registration shows about which point the root turns, so it stays
             inverses[:, :3] = inverses[:, :, :3] = 0
         return inverses
 
@@ -305,15 +305,16 @@ class NormalEquations:
         if not {"templates", "joints"} <= set(self.names):
             return None
         W, subject = self.estimate.weights, self.objective.registrations.subject
-        away = self._subtree_weights
+        weights = self._subtree_weights
         (N, K), S = W.shape, len(self.estimate.templates)
-        found = np.empty((S, N, 3, K, 3))
+        response = np.empty((S, N, 3, K, 3))
         D, R = self.estimate.posing.levers, self.estimate.posing.world
         for s in range(S):
             own = np.flatnonzero(subject == s)
-            both = np.einsum("jkca,jmcb->kamb", R[own], D[own], optimize=True) / len(own)
-            found[s] = (W @ both.reshape(K, -1)).reshape(N, 3, K, 3) * away[:, None, :, None]
-        return found.reshape(S, 3 * N, 3 * K)
+            product = np.einsum("jkca,jmcb->kamb", R[own], D[own], optimize=True) / len(own)
+            shifts = (W @ product.reshape(K, -1)).reshape(N, 3, K, 3)
+            response[s] = shifts * weights[:, None, :, None]
+        return response.reshape(S, 3 * N, 3 * K)
 
     @cached_property
     def _pose_blocks(self) -> Array:
@@ -326,18 +327,19 @@ class NormalEquations:
                 batch = self.objective.registrations.read(some)
                 share = batch.trust
                 for j in range(len(batch.subject)):
-                    at = batch.some.start + j
-                    only, subject = slice(at, at + 1), batch.subject[j : j + 1]
-                    one = SkinningPass.of(self.estimate, only, subject)
-                    turns = -crossed(one.lever_arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
-                    turns[:, 1:] += one.blend_shape_turn_derivatives()[0]
+                    row = batch.some.start + j
+                    own, subject = slice(row, row + 1), batch.subject[j : j + 1]
+                    skinning = SkinningPass.of(self.estimate, own, subject)
+                    arms = skinning.lever_arms()[0]
+                    turns = -crossed(arms) @ skinning.posing.above[0]  # (N, K, 3, 3)
+                    turns[:, 1:] += skinning.blend_shape_turn_derivatives()[0]
                     turns -= np.average(turns, axis=0, weights=share[j])
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
-                    blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)
+                    blocks[row] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)
 
         over_halves(fill, pieces(self.objective.registrations))
-        held = 0.0 if prior is None else prior.blocks(self.estimate.poses)
-        return _inverses(blocks / self.objective.sigmas.data**2 + held)
+        precision = 0.0 if prior is None else prior.blocks(self.estimate.poses)
+        return _inverses(blocks / self.objective.sigmas.data**2 + precision)
 
     @cached_property
     def _weight_blocks(self) -> Array:

@@ -81,7 +81,7 @@ class Objective:
         terms["E_W"] = half(estimate.weights - self.first_weights, s.weights)
         if self.template is not None:
             away = estimate.templates - self.template
-            terms["E_T"] = 0.5 * float(np.vdot(away, self._held(away)))
+            terms["E_T"] = 0.5 * float(np.vdot(away, self._template_precision(away)))
         if self.pose_prior is not None:
             terms["E_pose"] = float(self.pose_prior.costs(estimate.poses).sum())
         return terms
@@ -96,8 +96,8 @@ class Objective:
         costs = np.empty(len(self.registrations.subject))
 
         def fill(some: Sequence[slice]) -> None:
-            for passed, cotangent, residual in self.residuals(estimate, some):
-                costs[passed.some] = np.einsum("jna,jna->j", cotangent, residual)
+            for skinning, cotangent, residual in self.residuals(estimate, some):
+                costs[skinning.some] = np.einsum("jna,jna->j", cotangent, residual)
 
         over_halves(fill, pieces(self.registrations))
         return 0.5 * costs / self.sigmas.data**2
@@ -110,9 +110,9 @@ class Objective:
         """
         for rows in pieces(self.registrations) if some is None else some:
             batch = self.registrations.read(rows)
-            passed = SkinningPass.of(estimate, batch.some, batch.subject)
-            residual, _ = centred(batch, batch.vertices - passed.points)
-            yield passed, trusted(batch, residual), residual
+            skinning = SkinningPass.of(estimate, batch.some, batch.subject)
+            residual, _ = centred(batch, batch.vertices - skinning.points)
+            yield skinning, trusted(batch, residual), residual
 
     def regressor(self, estimate: Estimate) -> csr_array:
         """The regressor (K, N) that E_J compares joints with: the rings until one is learned."""
@@ -129,7 +129,7 @@ class Objective:
         curved = self.prior_hessian_product(estimate, whole)
         if self.template is not None:
             first = np.broadcast_to(self.template, estimate.templates.shape)
-            curved["templates"] = curved["templates"] - self._held(first)
+            curved["templates"] = curved["templates"] - self._template_precision(first)
         zero = estimate.zero_change(names)
         if "poses" in names and self.pose_prior is not None:
             zero["poses"] = self.pose_prior.negative_gradient(estimate.poses)
@@ -157,7 +157,7 @@ class Objective:
             if "templates" in change:
                 product["templates"] += regressed(csr_array(R.T), gap) / s.rings**2
         if self.template is not None and "templates" in change:
-            product["templates"] += self._held(change["templates"])
+            product["templates"] += self._template_precision(change["templates"])
         if "posedirs" in change:
             product["posedirs"] += change["posedirs"] / s.posedirs**2
         if "weights" in change:
@@ -166,7 +166,7 @@ class Objective:
             product["poses"] += self.pose_prior.hessian_product(estimate.poses, change["poses"])
         return product
 
-    def _held(self, displacements: Array) -> Array:
+    def _template_precision(self, displacements: Array) -> Array:
         """The precision of E_T times displacements (S, N, 3) of templates."""
         if self.freedom is not None:
             return self.freedom.precision_product(displacements)
@@ -186,12 +186,12 @@ def reflected_joints(joints: Array, mirror: Mirror) -> Array:
 
 def centred(batch: Batch, points: Array) -> tuple[Array, Array]:
     """Points (c, N, 3) minus their mean, weighted by confidence; and that mean (c, 3)."""
-    whole = batch.confidence.sum(axis=1)
-    total = trusted(batch, points).sum(axis=1)
-    if whole.ndim == 1:
-        mean = total / whole[:, None]
+    total = batch.confidence.sum(axis=1)
+    weighted = trusted(batch, points).sum(axis=1)
+    if total.ndim == 1:
+        mean = weighted / total[:, None]
     else:
-        mean = np.linalg.solve(whole, total[..., None])[..., 0]
+        mean = np.linalg.solve(total, weighted[..., None])[..., 0]
     return points - mean[:, None], mean
 
 
@@ -214,9 +214,9 @@ def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array
         grams, rights = np.zeros((N, K, K)), np.zeros((N, K))
         for some in some_of:
             batch = objective.registrations.read(some)
-            passed = SkinningPass.of(estimate, batch.some, batch.subject)
-            _, trans = centred(batch, batch.vertices - passed.points)
-            B = passed.by_joint()  # (c, N, K, 3)
+            skinning = SkinningPass.of(estimate, batch.some, batch.subject)
+            _, trans = centred(batch, batch.vertices - skinning.points)
+            B = skinning.by_joint()  # (c, N, K, 3)
             weighed = trusted(batch, B.swapaxes(2, 3)).swapaxes(2, 3)
             flat = B.transpose(1, 2, 0, 3).reshape(N, K, -1)
             flat_weighed = weighed.transpose(1, 2, 0, 3).reshape(N, K, -1)
@@ -224,7 +224,7 @@ def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array
             rights += np.einsum("jnka,jna->nk", weighed, batch.vertices - trans[:, None])
         return grams, rights
 
-    found = over_halves(sums, pieces(objective.registrations))
-    grams, rights = (np.sum([one[part] for one in found], axis=0) for part in (0, 1))
+    halves = over_halves(sums, pieces(objective.registrations))
+    grams, rights = (np.sum(parts, axis=0) for parts in zip(*halves, strict=True))
     scale = objective.sigmas.data**-2
     return scale * grams, scale * rights

@@ -19,14 +19,7 @@ from workbench.geometry.mirror import Mirror
 from workbench.geometry.surface_tree import barycentric_weights
 from workbench.threads import limited_threads
 from workbench.training.blend_shapes import local_features
-from workbench.training.blocks import (
-    BLOCKS,
-    NO_LIMIT,
-    BlockInput,
-    Plan,
-    Stage,
-    alternation,
-)
+from workbench.training.blocks import BLOCKS, NO_LIMIT, BlockInput, Plan, Stage, alternation
 from workbench.training.checkpoint import TrainingCheckpoint, fingerprint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.execution import SERIAL, Execution, LogEntry, NotLowered, Progress
@@ -44,9 +37,9 @@ from workbench.training.shares import MOST_WEIGHTS, at_most
 from workbench.training.subsampling import subsample
 from workbench.writing import Keeping
 
-KKT = 1e-8  # the conditions of the weights hold to this
+KKT_TOLERANCE = 1e-8  # the conditions of the weights hold to this
 LOG = logging.getLogger(__name__)
-COARSE = 1500  # vertices that are enough for a body with 24 joints
+COARSE_VERTICES = 1500  # vertices that are enough for a body with 24 joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,65 +101,65 @@ def train_poses(
         fixed += [mirror.vertices, mirror.joints]
     identity = fingerprint(registrations, first, astuple(plan), *fixed)
     steps = plan.steps
-    at = read_checkpoint(folder, identity, first, [b for _, b in steps]) if folder else None
+    state = read_checkpoint(folder, identity, first, [b for _, b in steps]) if folder else None
     with limited_threads():
-        if at is None:
+        if state is None:
             if initial is None:
                 first = first_poses(first, registrations, start, execution=execution)
-            at = TrainingCheckpoint(first, (), identity)
+            state = TrainingCheckpoint(first, (), identity)
             if folder:
-                keep(partial(at.save, folder))
+                keep(partial(state.save, folder))
         sigmas = steps[0][0].sigmas
         objective = Objective(
             registrations, rings, weights, mirror, sigmas, start.template, locality
         )
-        began, already = time.perf_counter(), len(at.log)
+        began, already = time.perf_counter(), len(state.log)
         for number in range(already, len(steps)):
             stage, block = steps[number]
             objective = replace(objective, sigmas=stage.sigmas)
-            at = _after_block(objective, at, block, start, stage, execution)
+            state = _after_block(objective, state, block, start, stage, execution)
             if folder:
-                keep(partial(at.save, folder))
-            ended = Progress.since(began, already, number + 1, len(steps), at.log[-1])
+                keep(partial(state.save, folder))
+            ended = Progress.since(began, already, number + 1, len(steps), state.log[-1])
             execution.report.block(ended)
-    return PoseModel(at.estimate, replace(objective, sigmas=steps[-1][0].sigmas), at.log)
+    return PoseModel(state.estimate, replace(objective, sigmas=steps[-1][0].sigmas), state.log)
 
 
 def _after_block(
     objective: Objective,
-    at: TrainingCheckpoint,
+    state: TrainingCheckpoint,
     block: str,
     start: Start,
     stage: Stage,
     execution: Execution,
 ) -> TrainingCheckpoint:
     began = time.perf_counter()
-    before = objective.costs(at.estimate)
+    before = objective.costs(state.estimate)
     context = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))
-    found, facts = BLOCKS[block](context, at.estimate)
-    after = objective.costs(found)
+    estimate, facts = BLOCKS[block](context, state.estimate)
+    after = objective.costs(estimate)
     entry = LogEntry(block, before, after, facts, time.perf_counter() - began)
     entry.check_lowered()
-    if (kkt := facts.get("kkt", 0.0)) > KKT:
+    if (kkt := facts.get("kkt", 0.0)) > KKT_TOLERANCE:
         raise NotLowered(f"block {block!r} left weights with a KKT residual of {kkt:.1e}")
-    return replace(at, estimate=found, log=(*at.log, entry))
+    return replace(state, estimate=estimate, log=(*state.log, entry))
 
 
-def upsampled(found: Estimate, on: Start, to: Start) -> Estimate:
+def upsampled(estimate: Estimate, coarse: Start, fine: Start) -> Estimate:
     """An estimate on the mesh of `on`, interpolated to the mesh of `to`; their templates agree.
 
     The differences of the subjects from the template are interpolated, and not the subjects, so
     that the new template keeps its fine detail.
     """
-    between = barycentric_weights(on.template, on.faces, to.template)
-    S, N = len(found.templates), len(to.template)
-    away = (found.templates - on.template).transpose(1, 2, 0).reshape(len(on.template), -1)
-    P = found.posedirs
+    between = barycentric_weights(coarse.template, coarse.faces, fine.template)
+    S, N = len(estimate.templates), len(fine.template)
+    n, P = len(coarse.template), estimate.posedirs
+    away = (estimate.templates - coarse.template).transpose(1, 2, 0).reshape(n, -1)
     return replace(
-        found,
-        templates=to.template + (between @ away).reshape(N, 3, S).transpose(2, 0, 1),
-        posedirs=(between @ P.reshape(len(P), -1)).reshape(N, 3, -1),
-        weights=at_most(between @ found.weights, MOST_WEIGHTS),
+        estimate,
+        templates=fine.template + (between @ away).reshape(N, 3, S).transpose(2, 0, 1),
+        posedirs=(between @ P.reshape(n, -1)).reshape(N, 3, -1),
+        weights=at_most(between @ estimate.weights, MOST_WEIGHTS),
         regressor=None,
     )
 
@@ -178,7 +171,7 @@ def train_coarse_first(
     *,
     folder: Path | None = None,
     execution: Execution = SERIAL,
-    coarse: int = COARSE,
+    coarse: int = COARSE_VERTICES,
 ) -> PoseModel:
     """Run `train_poses` on at most `coarse` vertices, and finish on all of them.
 
@@ -189,25 +182,28 @@ def train_coarse_first(
     few = subsample(
         start.template, start.faces, coarse, None if mirror is None else mirror.vertices
     )
-    v = few.vertices
-    missed = set(start.segmentation.tolist()) - set(start.segmentation[v].tolist())
-    if len(v) == len(start.template) or missed:
+    vertices = few.vertices
+    missed = set(start.segmentation.tolist()) - set(start.segmentation[vertices].tolist())
+    if len(vertices) == len(start.template) or missed:
         return train_poses(registrations, start, plan, folder=folder, execution=execution)
-    on_few = replace(
-        start, template=start.template[v], faces=few.faces, segmentation=start.segmentation[v]
+    coarse_start = replace(
+        start,
+        template=start.template[vertices],
+        faces=few.faces,
+        segmentation=start.segmentation[vertices],
     )
-    own = None if folder is None else folder / "coarse"
-    if own is not None:
+    coarse_folder = None if folder is None else folder / "coarse"
+    if coarse_folder is not None:
         try:
-            own.mkdir(exist_ok=True)
+            coarse_folder.mkdir(exist_ok=True)
         except OSError as error:
             LOG.warning("going on without a checkpoint of the coarse mesh: %s", error)
-            own = None
+            coarse_folder = None
     model = train_poses(
         few.registrations(in_memory(registrations)),
-        on_few,
+        coarse_start,
         plan,
-        folder=own,
+        folder=coarse_folder,
         execution=execution,
         mirror=None if mirror is None else few.mirror(mirror),
     )
@@ -217,7 +213,7 @@ def train_coarse_first(
         finishing(plan.stages[-1], plan.reach),
         folder=folder,
         execution=execution,
-        initial=upsampled(model.estimate, on_few, start),
+        initial=upsampled(model.estimate, coarse_start, start),
         mirror=mirror,
     )
     return replace(fine, log=(*model.log, *fine.log))

@@ -85,7 +85,6 @@ class PoseFit:
             depend little on shape; None compares vertices, and finds `trans` too.
         shape_sigma: of the prior on betas, in standard deviations of the population; None holds
             them at given values.
-        tolerance: on the gradient, see `LevenbergMarquardt`.
     """
 
     body: Body
@@ -94,35 +93,35 @@ class PoseFit:
     steps: int
     faces: Index | None = None
     shape_sigma: float | None = None
-    tolerance: float = TOLERANCE
 
     @cached_property
-    def _pairs(self) -> Index | None:
+    def _ends(self) -> Index | None:
         """The ends of each edge, (E, 2)."""
         return None if self.faces is None else mesh_edges(self.faces)
 
-    def _counts(self, confidence: Array) -> Array:
+    def _compared(self, confidence: Array) -> Array:
         """The confidence of what is compared: of an edge the smaller one of its ends."""
-        return confidence if self._pairs is None else confidence[self._pairs].min(axis=1)
+        return confidence if self._ends is None else confidence[self._ends].min(axis=1)
 
     @cached_property
     def problem(self) -> Problem:
         """The problem of any mesh: the observation is a fixed block."""
         N, sigma, free = self.n_vertices, self.sigma, ["pose"]
-        seen, observed = self._counts(np.ones(N)), Block("observed", (N, 3), "m")
-        trusted = Block("confidence", (len(seen),))
+        compared, observed = self._compared(np.ones(N)), Block("observed", (N, 3), "m")
+        trusted = Block("confidence", (len(compared),))
         symbols = [block.symbol for block in self.body.blocks()]
-        points, there = self.body.points(*symbols, vertices=range(N)), observed.symbol
-        if self._pairs is None:
-            away, weights = cs.vec(points.symbol - there), cs.repmat(trusted.symbol.T, 3, 1)
-            data = Residual("vertices", away, sigma, "m", points=(points,), weights=cs.vec(weights))
+        points, target = self.body.points(*symbols, vertices=range(N)), observed.symbol
+        if self._ends is None:
+            offsets = cs.vec(points.symbol - target)
+            weights = cs.vec(cs.repmat(trusted.symbol.T, 3, 1))
+            data = Residual("vertices", offsets, sigma, "m", points=(points,), weights=weights)
             free += ["trans"]
         else:
             data = edges(
-                points, there, self._pairs, sigma=sigma, confidence=trusted.symbol, name="edges"
+                points, target, self._ends, sigma=sigma, confidence=trusted.symbol, name="edges"
             )
         residuals = [data]
-        if self.shape_sigma is not None:
+        if self.shape_sigma is not None and self.body.n_betas:
             residuals.append(gaussian(symbols[1], covariance=self.shape_sigma**2))
             free += ["betas"]
         return Problem(residuals, free, blocks=(observed, trusted))
@@ -138,26 +137,26 @@ class PoseFit:
         values: Values = self.body.start() | {"pose": start, "observed": vertices}
         if betas is not None:
             values["betas"] = betas
-        values["confidence"] = self._counts(confidence)
+        values["confidence"] = self._compared(confidence)
         values["trans"] = self._trans(values, vertices, confidence)
         solver = LevenbergMarquardt(
             max_iterations=self.steps,
-            gradient_tolerance=self.tolerance,
+            gradient_tolerance=TOLERANCE,
             first_damping=FIRST_DAMPING,
         )
         solution = solver.solve(self.problem, values)
-        found = {name: values[name] for name in ("pose", "betas", "trans")} | solution.values
-        return found | {"trans": self._trans(found, vertices, confidence)}
+        fitted = {name: values[name] for name in ("pose", "betas", "trans")} | solution.values
+        return fitted | {"trans": self._trans(fitted, vertices, confidence)}
 
     def fits(self, starts: Array, meshes: Array, betas: Array | None = None) -> FittedMeshes:
         """The body fitted to each mesh (M, N, 3) m, from poses (M, K, 3) rad and betas (M, B)."""
-        trusted = np.ones(self.n_vertices)
+        confidence = np.ones(self.n_vertices)
         shapes = np.zeros((len(meshes), self.body.n_betas)) if betas is None else betas
         each = zip(starts, meshes, shapes, strict=True)
-        found = [self.values(start, mesh, trusted, shape) for start, mesh, shape in each]
-        poses, of_shape = (np.stack([v[name] for v in found]) for name in ("pose", "betas"))
-        surfaces = [self.body.vertices(v["pose"], v["betas"], v["trans"]) for v in found]
-        return FittedMeshes(poses, of_shape, np.stack(surfaces))
+        fitted = [self.values(start, mesh, confidence, shape) for start, mesh, shape in each]
+        poses, fitted_betas = (np.stack([v[name] for v in fitted]) for name in ("pose", "betas"))
+        surfaces = [self.body.vertices(v["pose"], v["betas"], v["trans"]) for v in fitted]
+        return FittedMeshes(poses, fitted_betas, np.stack(surfaces))
 
     def _trans(self, values: Values, vertices: Array, confidence: Array) -> Array:
         """The best translation (3,) m of a given pose and shape."""
@@ -177,7 +176,7 @@ def poses_of(
     fit = PoseFit(body, batch.vertices.shape[1], sigma, steps, faces if by_edges else None)
     betas = np.eye(len(estimate.templates))[batch.subject]
     each = zip(estimate.poses, batch.vertices, batch.trust, betas, strict=True)
-    return np.stack([fit.values(*one)["pose"] for one in each])
+    return np.stack([fit.values(*arguments)["pose"] for arguments in each])
 
 
 def fitted_poses(
@@ -200,8 +199,8 @@ def fitted_poses(
     poses = estimate.poses.copy()
     jobs = rows_of_jobs(len(poses), JOB_SIZE)
     work = partial(poses_of, faces, by_edges, sigma, steps)
-    for rows, found in zip(jobs, execution.executor(work, map(job, jobs)), strict=True):
-        poses[rows] = found
+    for rows, fitted in zip(jobs, execution.executor(work, map(job, jobs)), strict=True):
+        poses[rows] = fitted
         execution.finished(rows.stop, len(poses))
     return replace(estimate, poses=poses)
 

@@ -9,7 +9,6 @@ back and the sides of an arm, so that most of the tangential component follows f
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
 
 import numpy as np
 import scipy.linalg
@@ -21,7 +20,7 @@ from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.geometry.solids import mesh_edges
 from workbench.residuals.numbers import whitening
 
-PLACE = 0.1  # m, sigma of a template's place: edges do not see it
+PLACE_SIGMA = 0.1  # m, sigma of a template's place: edges do not see it
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,35 +48,35 @@ class PosePrior:
 
     def negative_gradient(self, poses: Array) -> Array:
         """Minus the gradient of the cost by turns of the joints, (J, K, 3)."""
-        pull = -self._away(poses) @ self.whitening.T @ self.whitening
-        return self._back(poses, pull)
+        cotangents = -self._away(poses) @ self.whitening.T @ self.whitening
+        return self._to_turns(poses, cotangents)
 
     def hessian_product(self, poses: Array, turns: Array) -> Array:
         """The Gauss-Newton Hessian times turns (J, K, 3) rad."""
         moved = (inverse_left_jacobian(poses) @ turns[..., None])[:, 1:, :, 0]
-        pull = moved.reshape(len(poses), -1) @ self.whitening.T @ self.whitening
-        return self._back(poses, pull)
+        cotangents = moved.reshape(len(poses), -1) @ self.whitening.T @ self.whitening
+        return self._to_turns(poses, cotangents)
 
     def blocks(self, poses: Array) -> Array:
         """That Hessian, one block for each pose, (J, 3 K, 3 K)."""
-        slopes = inverse_left_jacobian(poses)[:, 1:]
-        J, m = slopes.shape[:2]
+        jacobians = inverse_left_jacobian(poses)[:, 1:]
+        J, m = jacobians.shape[:2]
         precision = (self.whitening.T @ self.whitening).reshape(m, 3, m, 3)
-        found = np.zeros((J, m + 1, 3, m + 1, 3))
-        found[:, 1:, :, 1:] = np.einsum(
-            "jkab,kalc,jlcd->jkbld", slopes, precision, slopes, optimize=True
+        hessians = np.zeros((J, m + 1, 3, m + 1, 3))
+        hessians[:, 1:, :, 1:] = np.einsum(
+            "jkab,kalc,jlcd->jkbld", jacobians, precision, jacobians, optimize=True
         )
-        return found.reshape(J, 3 * m + 3, 3 * m + 3)
+        return hessians.reshape(J, 3 * m + 3, 3 * m + 3)
 
     def _away(self, poses: Array) -> Array:
         return np.asarray(poses[:, 1:].reshape(len(poses), -1) - self.mean)
 
-    def _back(self, poses: Array, pull: Array) -> Array:
-        found = np.zeros_like(poses)
-        slopes = inverse_left_jacobian(poses)[:, 1:]
-        each = pull.reshape(len(poses), -1, 3, 1)
-        found[:, 1:] = (slopes.swapaxes(-1, -2) @ each)[..., 0]
-        return found
+    def _to_turns(self, poses: Array, cotangents: Array) -> Array:
+        on_turns = np.zeros_like(poses)
+        jacobians = inverse_left_jacobian(poses)[:, 1:]
+        columns = cotangents.reshape(len(poses), -1, 3, 1)
+        on_turns[:, 1:] = (jacobians.swapaxes(-1, -2) @ columns)[..., 0]
+        return on_turns
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +102,10 @@ class TemplatePrior:
         stiff = (self.stiffness @ flat).reshape(-1, n, 3).transpose(1, 0, 2)
         along = np.tensordot(stiff, self.directions, axes=((1, 2), (0, 1)))  # S'K d, (S, B)
         back = scipy.linalg.cho_solve((self._inner, True), along.T)
-        return np.asarray(stiff - np.moveaxis(self._pulls @ back, 2, 0))
+        return np.asarray(stiff - np.moveaxis(self._stiff_directions @ back, 2, 0))
 
     @cached_property
-    def _pulls(self) -> Array:
+    def _stiff_directions(self) -> Array:
         """K S, (N, 3, B)."""
         flat = self.directions.reshape(len(self.directions), -1)
         return np.asarray(self.stiffness @ flat).reshape(self.directions.shape)
@@ -115,7 +114,7 @@ class TemplatePrior:
     def _inner(self) -> Array:
         """The lower Cholesky factor of 1 + S'K S."""
         B = self.directions.shape[2]
-        gram = np.tensordot(self.directions, self._pulls, axes=((0, 1), (0, 1)))
+        gram = np.tensordot(self.directions, self._stiff_directions, axes=((0, 1), (0, 1)))
         return scipy.linalg.cholesky(np.eye(B) + gram, lower=True)
 
     @property
@@ -130,12 +129,8 @@ class TemplatePrior:
         return np.asarray(of_one + flat @ flat.T)
 
 
-def smooth_prior(
-    faces: Index, directions: Array, sigma: float, bends: float = inf
-) -> TemplatePrior:
+def smooth_prior(faces: Index, directions: Array, sigma: float) -> TemplatePrior:
     """The prior by edges: T_s - T - S betas has differences of `sigma` m along every edge.
-
-    With `bends` in m, a displacement also differs by that much from the mean of its neighbours'.
 
     `faces` (F, 3) are the triangles and `directions` (N, 3, B) the shape directions in metres per
     unit of betas. The place of a template, which no edge sees, has a sigma of 0.1 m. Raises
@@ -143,14 +138,9 @@ def smooth_prior(
     """
     if not 0 < sigma < np.inf:
         raise BadArgument(f"the sigma of a template's edges is above 0 m, not {sigma:g}")
-    if not bends > 0:
-        raise BadArgument(f"the sigma of a template's bends is above 0 m, not {bends:g}")
     N, pairs = len(directions), mesh_edges(faces)
     E = len(pairs)
     ends = (np.tile(np.arange(E), 2), pairs.T.ravel())
     A = csr_array((np.repeat([1.0, -1.0], E), ends), shape=(E, N))
-    stiff = A.T @ A / sigma**2 + diags_array(np.full(N, PLACE**-2 / N))
-    if bends < inf:
-        neighbours = diags_array((A.T @ A).diagonal() ** -1.0) @ (A.T @ A)
-        stiff = stiff + neighbours.T @ neighbours / bends**2
+    stiff = A.T @ A / sigma**2 + diags_array(np.full(N, PLACE_SIGMA**-2 / N))
     return TemplatePrior(csr_array(stiff), directions)

@@ -14,8 +14,8 @@ from workbench.errors import BadArgument, some_of
 Item = TypeVar("Item")
 Sum = TypeVar("Sum")
 FARTHEST = 1e6  # m: larger numbers are no metres, and sums of their powers may overflow
-HELD_BYTES, HELD_EACH = 2**29, 32  # bytes of registrations kept in memory; bytes per vertex
-FEWEST = 64  # registrations in a piece: each piece reads and writes all posedirs once
+IN_MEMORY_BYTES, BYTES_PER_VERTEX = 2**29, 32  # registrations of up to so many are read once
+FEWEST_IN_PIECE = 64  # registrations in a piece: each piece reads and writes all posedirs once
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -83,8 +83,8 @@ class InMemory:
     def read(self, some: slice) -> Batch:
         """The registrations of these rows, converted to float64 where they are something else."""
         vertices = np.asarray(self.vertices[some], dtype=np.float64)
-        given = self.confidence
-        confidence = np.ones(vertices.shape[:2]) if given is None else given[some].astype(float)
+        C = self.confidence
+        confidence = np.ones(vertices.shape[:2]) if C is None else C[some].astype(np.float64)
         return Batch(some, self.subject[some], vertices, confidence)
 
 
@@ -156,7 +156,7 @@ def in_memory(registrations: Registrations) -> Registrations:
     a pass over them.
     """
     J, N = len(registrations.subject), registrations.n_vertices
-    if J * N * HELD_EACH > HELD_BYTES:
+    if J * N * BYTES_PER_VERTEX > IN_MEMORY_BYTES:
         return registrations
     every = _joined(batches(registrations))
     return InMemory(every.vertices, registrations.subject, every.confidence)
@@ -170,7 +170,7 @@ def batches(registrations: Registrations) -> Iterator[Batch]:
 
 def pieces(registrations: Registrations) -> list[slice]:
     """The rows of each batch."""
-    step = max(FEWEST, PIECE_BYTES // (72 * registrations.n_vertices))
+    step = max(FEWEST_IN_PIECE, PIECE_BYTES // (72 * registrations.n_vertices))
     return rows_of_jobs(len(registrations.subject), step)
 
 

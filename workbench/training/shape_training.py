@@ -15,13 +15,13 @@ from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import volume
 from workbench.training.execution import SERIAL, Execution, NotLowered
 from workbench.training.first_guess import FIRST_SIGMA, Start
-from workbench.training.pose_training import KKT, PoseModel
+from workbench.training.pose_training import KKT_TOLERANCE, PoseModel
 from workbench.training.poses import JOB_SIZE, PoseFit, poses_of_segments
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 from workbench.training.shares import JointRegressor, fit_joint_regressor
 from workbench.training.subsampling import subsample
 
-STEPS = 6  # of the fit of one pose in a round
+STEPS_IN_ROUND = 6  # of the fit of one pose in a round
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class LearnedShapes:
 
     def betas(self, people: Array) -> Array:
         """The betas (P, B) of the shapes closest to people (P, N, 3) m."""
-        basis = self.shapedirs.reshape(-1, self.shapedirs.shape[2])
         deviations = (people - self.template).reshape(len(people), -1)
+        basis = self.shapedirs.reshape(deviations.shape[1], -1)
         closest: Array = deviations @ basis / (basis**2).sum(axis=0)
         return closest
 
@@ -89,7 +89,7 @@ def unposed_people(
     batch, starts = job
     few = subsample(body.template, body.faces)
     sparse, n = few.body(body), len(few.vertices)
-    fit = PoseFit(sparse, n, FIRST_SIGMA, STEPS, few.faces, shape_sigma)
+    fit = PoseFit(sparse, n, FIRST_SIGMA, STEPS_IN_ROUND, few.faces, shape_sigma)
     poses, people = [], []
     for i, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
         own, trusted = V[few.vertices], confidence[few.vertices]
@@ -98,12 +98,12 @@ def unposed_people(
             if starts is None
             else starts[i]
         )
-        found = fit.values(start, own, trusted)
+        fitted = fit.values(start, own, trusted)
         if not confidence.all():
-            filled = body.vertices(found["pose"], found["betas"], found["trans"])
-            V = np.where(confidence[:, None] > 0, V, filled)
-        poses.append(found["pose"])
-        people.append(unpose(body, found["pose"], V))
+            whole = body.vertices(fitted["pose"], fitted["betas"], fitted["trans"])
+            V = np.where(confidence[:, None] > 0, V, whole)
+        poses.append(fitted["pose"])
+        people.append(unpose(body, fitted["pose"], V))
     return np.stack(poses), np.stack(people)
 
 
@@ -133,9 +133,9 @@ def learn_shapes(
         jobs = unposing_jobs(registrations, poses if number else None)
         done = 0
         for own_poses, own_people in execution.executor(work, jobs):
-            some = slice(done, done + len(own_poses))
-            poses[some], people[some] = own_poses, own_people
-            done = some.stop
+            rows = slice(done, done + len(own_poses))
+            poses[rows], people[rows] = own_poses, own_people
+            done = rows.stop
             execution.report.part("shapes", number * J + done, rounds * J)
         people = about_root(people, body.J_regressor)
         space = learn_shape_space(people, body.faces, mirror, min(n_betas, J - 1))
@@ -154,14 +154,11 @@ def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBo
     estimate, mirror = model.estimate, model.objective.active_mirror
     templates = estimate.templates
     regressor = fit_joint_regressor(templates, estimate.joints, model.objective.rings)
-    if regressor.kkt > KKT:
+    if regressor.kkt > KKT_TOLERANCE:
         raise NotLowered(f"the joint regressor has a KKT residual of {regressor.kkt:.1e}")
-    at_root, n = about_root(templates, regressor.matrix), min(n_betas, len(templates) - 1)
-    if n < 1:
-        own = at_root[0] if mirror is None else (at_root[0] + mirror.points(at_root[0])) / 2
-        space = LearnedShapes(own, np.zeros((*own.shape, 0)), np.zeros(0))
-    else:
-        space = learn_shape_space(at_root, start.faces, mirror, n)
+    at_root = about_root(templates, regressor.matrix)
+    n = min(n_betas, len(templates) - 1)
+    space = learn_shape_space(at_root, start.faces, mirror, n)
     body = SkinnedBody(
         template=space.template,
         shapedirs=space.shapedirs,
@@ -182,11 +179,14 @@ def learn_shape_space(
 ) -> LearnedShapes:
     """The principal components of un-posed people (P, N, 3) m, symmetric if there is a mirror.
 
-    The sign of the first makes a positive beta taller; those of the others make it heavier.
+    The sign of the first makes a positive beta taller; those of the others make it heavier. With
+    `n_betas` of 0 there are none, as for one person.
     """
     P, N, _ = people.shape
     mean = people.mean(axis=0)
     template = mean if mirror is None else (mean + mirror.points(mean)) / 2
+    if not n_betas:
+        return LearnedShapes(template, np.zeros((N, 3, 0)), np.zeros(0))
     deviations = (people - template).reshape(P, -1)
     gram = deviations @ deviations.T
     last = [P - n_betas, P - 1]

@@ -17,8 +17,8 @@ from workbench.arrays import Array, Mask
 from workbench.errors import WorkbenchError
 
 MOST_WEIGHTS = 4  # joints that move one vertex
-PULL = 1e-13  # of the largest diagonal entry: a smaller gradient is rounding
-REACH, FEWEST = 0.2, 60  # m from a joint; vertices that a row may use at least
+ROUNDING = 1e-13  # of the largest diagonal entry: a smaller gradient is rounding
+ROW_REACH, FEWEST_IN_REACH = 0.2, 60  # m from a joint; vertices that a row may use at least
 
 
 class NoShares(WorkbenchError):
@@ -31,8 +31,8 @@ def shares(gram: Array, right: Array, start: Array) -> Array:
     `gram` (n, n) is symmetric and not indefinite, and `right` is in its range, as B'B and B'v are.
     `start` (n,) fulfils the constraints.
     """
-    every = np.ones((1, len(right)), dtype=bool)
-    return np.asarray(many_shares(gram[None], right[None], start[None], every)[0])
+    allowed = np.ones((1, len(right)), dtype=bool)
+    return np.asarray(many_shares(gram[None], right[None], start[None], allowed)[0])
 
 
 def many_shares(grams: Array, rights: Array, starts: Array, allowed: Mask) -> Array:
@@ -50,32 +50,32 @@ def many_shares(grams: Array, rights: Array, starts: Array, allowed: Mask) -> Ar
     going = np.arange(len(W))
     for _ in range(20 * W.shape[1] + 20):
         G, c = grams[going] / scales[going, None, None], rights[going] / scales[going, None]
-        w, own, shut = W[going], free[going], barred[going]
+        w, own, closed = W[going], free[going], barred[going]
         best = _balanced(G, c, own)
         low = own & (best <= 0)
-        out, inside = np.flatnonzero(low.any(axis=1)), np.flatnonzero(~low.any(axis=1))
+        leaving, feasible = np.flatnonzero(low.any(axis=1)), np.flatnonzero(~low.any(axis=1))
         # Shares that would be negative: go as far as the first of them is zero, and fix it there.
-        falls = w[out] - best[out]
-        ways = np.where(falls > 0, w[out] / np.where(falls > 0, falls, 1.0), 0.0)
-        ways = np.where(low[out], ways, np.inf)
-        first = ways.argmin(axis=1)
-        way = ways[np.arange(len(out)), first].clip(max=1.0)
-        shut[out, first] |= way <= 0
-        w[out] += way[:, None] * (best[out] - w[out])
-        own[out, first] = False
-        w[out] = np.where(own[out], w[out].clip(0), 0.0)
+        falls = w[leaving] - best[leaving]
+        lengths = np.where(falls > 0, w[leaving] / np.where(falls > 0, falls, 1.0), 0.0)
+        lengths = np.where(low[leaving], lengths, np.inf)
+        first = lengths.argmin(axis=1)
+        length = lengths[np.arange(len(leaving)), first].clip(max=1.0)
+        closed[leaving, first] |= length <= 0
+        w[leaving] += length[:, None] * (best[leaving] - w[leaving])
+        own[leaving, first] = False
+        w[leaving] = np.where(own[leaving], w[leaving].clip(0), 0.0)
         # None of them: free the one that lowers the cost most, if any does.
-        w[inside] = best[inside]
-        slope = (G[inside] @ w[inside, :, None])[..., 0] - c[inside]
-        pull = slope - np.sum(slope * w[inside], axis=1, keepdims=True)
-        pull[own[inside] | shut[inside]] = 0
-        k = pull.argmin(axis=1)
-        least = -PULL * np.maximum(1.0, np.abs(c[inside]).max(axis=1))
-        solved = pull[np.arange(len(inside)), k] >= least
-        own[inside[~solved], k[~solved]] = True
-        done = inside[solved]
+        w[feasible] = best[feasible]
+        gradient = (G[feasible] @ w[feasible, :, None])[..., 0] - c[feasible]
+        reduced = gradient - np.sum(gradient * w[feasible], axis=1, keepdims=True)
+        reduced[own[feasible] | closed[feasible]] = 0
+        k = reduced.argmin(axis=1)
+        least = -ROUNDING * np.maximum(1.0, np.abs(c[feasible]).max(axis=1))
+        solved = reduced[np.arange(len(feasible)), k] >= least
+        own[feasible[~solved], k[~solved]] = True
+        done = feasible[solved]
         w[done] /= w[done].sum(axis=1, keepdims=True)
-        W[going], free[going], barred[going] = w, own, shut
+        W[going], free[going], barred[going] = w, own, closed
         going = np.delete(going, done)
         if not len(going):
             return W
@@ -110,30 +110,30 @@ def _balanced(grams: Array, rights: Array, free: Mask) -> Array:
     K[:, :most, :most] *= own[:, :, None] & own[:, None, :]
     K[:, :most, most] = K[:, most, :most] = own
     K[:, most, most] = 0
-    at = np.arange(most)
-    K[:, at, at] = np.where(own, K[:, at, at], 1.0)  # what is not free has an equation w = 0
+    k = np.arange(most)
+    K[:, k, k] = np.where(own, K[:, k, k], 1.0)  # what is not free has an equation w = 0
     right = np.concatenate([rights[rows, order] * own, np.ones((m, 1))], axis=1)
-    found, well = _solved(K, right)
-    for i in np.flatnonzero(~well):
-        found[i] = np.linalg.lstsq(K[i], right[i], rcond=None)[0]
+    solutions, exact = _solved(K, right)
+    for i in np.flatnonzero(~exact):
+        solutions[i] = np.linalg.lstsq(K[i], right[i], rcond=None)[0]
     w = np.zeros_like(rights)
-    np.put_along_axis(w, order, found[:, :most] * own, axis=1)
+    np.put_along_axis(w, order, solutions[:, :most] * own, axis=1)
     return w
 
 
 def _solved(K: Array, right: Array) -> tuple[Array, Mask]:
     """Solutions of K (m, k, k) x = right (m, k), and whether each is one."""
     try:
-        found = np.linalg.solve(K, right[..., None])[..., 0]
+        solutions = np.linalg.solve(K, right[..., None])[..., 0]
     except np.linalg.LinAlgError:  # which of them is singular is not said
         if len(K) == 1:
             return np.zeros_like(right), np.zeros(1, dtype=bool)
         half = len(K) // 2
-        both = _solved(K[:half], right[:half]), _solved(K[half:], right[half:])
-        return np.concatenate([x for x, _ in both]), np.concatenate([well for _, well in both])
-    off = np.linalg.norm((K @ found[..., None])[..., 0] - right, axis=1)
-    well: Mask = off < 1e-12 * np.maximum(1.0, np.linalg.norm(found, axis=1))
-    return np.asarray(found, dtype=float), well
+        halves = _solved(K[:half], right[:half]), _solved(K[half:], right[half:])
+        return np.concatenate([x for x, _ in halves]), np.concatenate([ok for _, ok in halves])
+    errors = np.linalg.norm((K @ solutions[..., None])[..., 0] - right, axis=1)
+    exact: Mask = errors < 1e-12 * np.maximum(1.0, np.linalg.norm(solutions, axis=1))
+    return np.asarray(solutions, dtype=float), exact
 
 
 def kkt_residuals(grams: Array, rights: Array, W: Array, allowed: Mask) -> Array:
@@ -144,11 +144,11 @@ def kkt_residuals(grams: Array, rights: Array, W: Array, allowed: Mask) -> Array
     """
     scales = np.diagonal(grams, axis1=1, axis2=2).max(axis=1)
     scales = np.where(scales == 0, 1.0, scales)
-    slope = ((grams @ W[..., None])[..., 0] - rights) / scales[:, None]
-    pull = slope - np.sum(slope * W, axis=1, keepdims=True)
-    taken = W > 0
-    away = np.where(taken, np.abs(pull), -pull)
-    worst = np.where(allowed, away, 0.0).max(axis=1, initial=0.0)
+    gradient = ((grams @ W[..., None])[..., 0] - rights) / scales[:, None]
+    reduced = gradient - np.sum(gradient * W, axis=1, keepdims=True)
+    positive = W > 0
+    violation = np.where(positive, np.abs(reduced), -reduced)
+    worst = np.where(allowed, violation, 0.0).max(axis=1, initial=0.0)
     unlike = np.maximum(np.abs(W.sum(axis=1) - 1), -W.min(axis=1))
     return np.asarray(np.maximum(worst, unlike))
 
@@ -159,16 +159,16 @@ def few_shares(grams: Array, rights: Array, starts: Array, most: int) -> tuple[A
     They are not worse than those of the start. Of the C(n, most) sets of shares two are tried:
     the largest ones without the limit, and those of the start, which has at most `most`.
     """
-    every = np.ones(rights.shape, dtype=bool)
-    W, allowed = many_shares(grams, rights, starts, every), every
+    all_allowed = np.ones(rights.shape, dtype=bool)
+    W, allowed = many_shares(grams, rights, starts, all_allowed), all_allowed
     many = np.flatnonzero((W > 0).sum(axis=1) > most)
     if len(many):
-        G, c, start, whole = grams[many], rights[many], starts[many], W[many]
+        G, c, start, unlimited = grams[many], rights[many], starts[many], W[many]
         largest = np.zeros_like(start, dtype=bool)
-        np.put_along_axis(largest, np.argsort(-whole, axis=1, kind="stable")[:, :most], True, 1)
+        np.put_along_axis(largest, np.argsort(-unlimited, axis=1, kind="stable")[:, :most], True, 1)
         lowest, chosen = np.full(len(many), np.inf), largest
         for sets in (largest, start > 0):
-            first = np.where(sets, whole, 0.0)
+            first = np.where(sets, unlimited, 0.0)
             total = first.sum(axis=1, keepdims=True)
             first = np.where(total > 0, first / np.where(total > 0, total, 1.0), start)
             w = many_shares(G, c, first, sets)
@@ -211,14 +211,14 @@ def fit_joint_regressor(templates: Array, joints: Array, rings: csr_array) -> Jo
     for k in range(1, joints.shape[1]):
         distance = np.linalg.norm(means - joints[:, k].mean(axis=0), axis=1)
         order = np.argsort(distance, kind="stable")
-        near = order[: max(FEWEST, int(np.count_nonzero(distance < REACH)))]
-        away = (templates[:, near] - joints[:, None, k]).transpose(0, 2, 1).reshape(3 * S, -1)
-        row = shares_to_zero(away)
-        gram, every = (away.T @ away)[None], np.ones((1, len(near)), dtype=bool)
-        kkt = kkt_residuals(gram, np.zeros((1, len(near))), row[None], every)
+        near = order[: max(FEWEST_IN_REACH, int(np.count_nonzero(distance < ROW_REACH)))]
+        offsets = (templates[:, near] - joints[:, None, k]).transpose(0, 2, 1).reshape(3 * S, -1)
+        row = shares_to_zero(offsets)
+        gram, allowed = (offsets.T @ offsets)[None], np.ones((1, len(near)), dtype=bool)
+        kkt = kkt_residuals(gram, np.zeros((1, len(near))), row[None], allowed)
         worst = max(worst, float(kkt[0]))
         rows[k, near] = row
-        rms[k] = np.sqrt(np.mean((away @ row) ** 2) * 3)
+        rms[k] = np.sqrt(np.mean((offsets @ row) ** 2) * 3)
     return JointRegressor(csr_array(rows), rms, worst)
 
 

@@ -17,7 +17,7 @@ from workbench.geometry.solids import mesh_edges
 from workbench.training.estimate import Estimate
 from workbench.training.registrations import Registrations, RegistrationSubset
 
-ENOUGH = 2000  # vertices that a pose is found from
+POSE_VERTICES = 2000  # vertices that a pose is found from
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Subsample:
 
 
 def subsample(
-    template: Array, faces: Index, most: int = ENOUGH, mirror: Index | None = None
+    template: Array, faces: Index, most: int = POSE_VERTICES, mirror: Index | None = None
 ) -> Subsample:
     """At most `most` vertices, each the farthest from those chosen before it.
 

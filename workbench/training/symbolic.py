@@ -95,13 +95,14 @@ class SymbolicTraining:
 
         Raises UnknownName for a term that does not exist.
         """
-        to = self.objective
+        posedirs, weights = self.objective.first_posedirs, self.objective.first_weights
+        s = self.objective.sigmas
         writers: dict[str, Callable[[], Iterable[Residual]]] = {
             "E_D": self._data,
             "E_Y": self._symmetry,
             "E_J": self._rings,
-            "E_P": lambda: self._near("posedirs", to.first_posedirs, to.sigmas.posedirs, "E_P"),
-            "E_W": lambda: self._near("weights", to.first_weights, to.sigmas.weights, "E_W"),
+            "E_P": lambda: self._close_to("posedirs", posedirs, s.posedirs, "E_P"),
+            "E_W": lambda: self._close_to("weights", weights, s.weights, "E_W"),
             "E_T": self._templates,
         }
         check_known("term of training", term, writers)
@@ -126,7 +127,7 @@ class SymbolicTraining:
         if "posedirs" in free and allowed is not None:
             reach = np.where(allowed, inf, 0.0)[:, None].repeat(3, axis=1)
             bounds["posedirs"] = (-reach, reach)
-        described = [block for who in (self.body, *self.subjects) for block in who.free.values()]
+        described = [block for body in (self.body, *self.subjects) for block in body.free.values()]
         return Problem(residuals, free, bounds, described, constraints)
 
     def values(self, estimate: Estimate) -> Values:
@@ -140,19 +141,19 @@ class SymbolicTraining:
                 "the estimate has learned a joint regressor, and E_J compares with the rings; make "
                 "the form by SymbolicTraining.of(body, objective, estimate.regressor)"
             )
-        found: Values = {"posedirs": estimate.posedirs, "weights": estimate.weights}
+        values: Values = {"posedirs": estimate.posedirs, "weights": estimate.weights}
         for s in range(len(self.subjects)):
-            found[f"subject {s}/template"] = estimate.templates[s]
-            found[f"subject {s}/joints"] = estimate.joints[s]
+            values[f"subject {s}/template"] = estimate.templates[s]
+            values[f"subject {s}/joints"] = estimate.joints[s]
         batch = in_memory(self.objective.registrations).read(slice(0, self._count))
         for j, person in enumerate(batch.subject):
             pose, betas, trans = self.subjects[person].blocks(f"scan {j}/")
-            found[pose.name] = estimate.poses[j]
-            found[betas.name] = np.zeros(0)
-            there = self.subjects[person].with_values(found).vertices(estimate.poses[j])
+            values[pose.name] = estimate.poses[j]
+            values[betas.name] = np.zeros(0)
+            posed = self.subjects[person].with_values(values).vertices(estimate.poses[j])
             trusted = batch.confidence[j]
-            found[trans.name] = np.average(batch.vertices[j] - there, axis=0, weights=trusted)
-        return found
+            values[trans.name] = np.average(batch.vertices[j] - posed, axis=0, weights=trusted)
+        return values
 
     def _data(self) -> Iterable[Residual]:
         """E_D: the registrations against the posed bodies of their subjects."""
@@ -194,9 +195,9 @@ class SymbolicTraining:
         for i, subject in enumerate(self.subjects if first is not None else ()):
             name, sigma = f"E_T subject {i}", self.objective.sigmas.subjects
             covariance = sigma**2 if free is None else free.covariance()
-            yield from self._near("template", first, sigma, name, subject, covariance)
+            yield from self._close_to("template", first, sigma, name, subject, covariance)
 
-    def _near(
+    def _close_to(
         self,
         array: str,
         mean: Array | None,

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies import SkinnedBody
 from workbench.threads import limited_threads
 from workbench.training.blocks import Plan, alternation
@@ -55,8 +56,10 @@ def train(
     `folder`, the run can be killed at any time, and continues from there. A mesh of very many
     vertices is trained on some of them first. `executor` runs the fits of poses, in this process
     as `map` does, or in several by `Processes`. Raises BadArgument for registrations that do not
-    fit the start, NotLowered, NoMirror or BadFile.
+    fit the start and for no rounds, NotLowered, NoMirror or BadFile.
     """
+    from_zero("training", n_betas=n_betas)
+    above_zero("training", shape_rounds=shape_rounds)
     check_registrations(multi_pose, len(start.template))
     if multi_shape is not None:
         check_registrations(multi_shape, len(start.template))

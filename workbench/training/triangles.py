@@ -1,31 +1,20 @@
-"""What SCAPE and BlendSCAPE learn: principal components of gradients, and every term in symbols.
+"""What SCAPE and BlendSCAPE are learned from: posed meshes, and people at rest.
 
-    data    posed meshes, each placed freely, against the stitched triangles B_f D_f Q_f e_f
-    E_Q     posedirs against zero, by a ridge
-    E_D     a subject's D_f against those of the faces next to it, by a smoothness
-    S       a person's D_f at rest against the mean and the shape directions times betas
-
-(Anguelov et al., SCAPE, 2005; Hirshberg et al., Coregistration, 2012.) While D (shape) and Q (pose)
-are learned, triangles need not fit together.
+The shape of a person is D_f = X_f at rest, and its directions are principal components of that.
+While D (shape) and Q (pose) are learned, triangles need not fit together. (Anguelov et al., SCAPE,
+2005; Hirshberg et al., Coregistration, 2012.)
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import casadi as cs
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Values
-from workbench.blocks.functions import sparse_constant
-from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import gradient_derivatives
-from workbench.problem import Problem
-from workbench.residuals import Residual, gaussian, vertices
 
 
 def neighbour_differences(faces: Index) -> csr_array:
@@ -97,108 +86,16 @@ def learn_gradient_shapes(people: ArrayLike, faces: Index, n_betas: int) -> Tria
     if not 0 <= n_betas < P:
         raise BadArgument(f"{P} people tell up to {P - 1} shape directions apart, not {n_betas}")
     template = v.mean(axis=0)
-    slopes = gradient_derivatives(template, np.moveaxis(v - template, 0, 2), faces)  # (F, 3, 3, P)
-    flat = slopes.reshape(-1, P)
+    away = np.moveaxis(v - template, 0, 2)
+    gradients = gradient_derivatives(template, away, faces)  # (F, 3, 3, P)
+    flat = gradients.reshape(-1, P)
     variances, coordinates = scipy.linalg.eigh(flat.T @ flat)
     order = np.argsort(-variances)[:n_betas]
     betas = coordinates[:, order] * np.sqrt(P - 1)
     directions = flat @ coordinates[:, order] / np.sqrt(P - 1)
     return TriangleShapes(
         template,
-        directions.reshape(*slopes.shape[:3], n_betas),
+        directions.reshape(*gradients.shape[:3], n_betas),
         betas,
         variances[order] / max(variances.sum(), np.finfo(float).tiny),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class SymbolicTriangles:
-    """Posed meshes of S subjects; each subject has its own D, and all share Q.
-
-    Attributes:
-        body: the body, whose `posedirs` are unknowns.
-        subjects: for each subject the body whose only shape direction, `subject s/shapedirs`
-            (F, 3, 3, 1), is D_s - I, for betas of 1.
-        posed: the meshes, and the pose of each to begin with.
-    """
-
-    body: TriangleBody
-    subjects: tuple[TriangleBody, ...]
-    posed: PosedMeshes
-
-    @staticmethod
-    def of(body: TriangleBody, D: Array, posed: PosedMeshes) -> "SymbolicTriangles":
-        """The terms of meshes whose subjects have deformations D (S, F, 3, 3) to begin with."""
-        learning = body.freed("posedirs")
-        subjects = (
-            replace(learning, shapedirs=(one - np.eye(3))[..., None]).freed(
-                "shapedirs", prefix=f"subject {s}/"
-            )
-            for s, one in enumerate(D)
-        )
-        return SymbolicTriangles(learning, tuple(subjects), posed)
-
-    def data(self) -> list[Residual]:
-        """The meshes against the stitched surfaces, in metres; each mesh has its own `trans`."""
-        found = []
-        for j, (mesh, s) in enumerate(zip(self.posed.vertices, self.posed.person, strict=True)):
-            symbols = (block.symbol for block in self.subjects[s].blocks(f"mesh {j}/"))
-            points = self.subjects[s].points(*symbols)
-            found.append(vertices(points, mesh, sigma=1.0, name=f"mesh {j}"))
-        return found
-
-    def small_posedirs(self, ridge: float) -> list[Residual]:
-        """E_Q: `ridge` (m^2) times the sum of squares of posedirs per rad, as a residual."""
-        block = self.body.free["posedirs"]
-        column = cs.vec(block.symbol)
-        return [gaussian(column, covariance=1 / ridge, unit=block.unit, name="E_Q")]
-
-    def smooth_subjects(self, smoothness: float) -> list[Residual]:
-        """E_D: `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, as residuals."""
-        tied = cs.MX(sparse_constant(neighbour_differences(self.body.faces)))
-        found = []
-        for s, subject in enumerate(self.subjects):
-            block = subject.free["shapedirs"]
-            D = cs.reshape(block.symbol, 9, self.body.n_faces).T  # less I, which cancels
-            sigma = float(1 / np.sqrt(smoothness))
-            found.append(Residual(f"E_D {s}", cs.vec(tied @ D), sigma, blocks=(block,)))
-        return found
-
-    def problem(self, residuals: Iterable[Residual], free: Sequence[str] = ()) -> Problem:
-        """A problem of some terms; without names, all blocks that they read but betas are free."""
-        terms = list(residuals)
-        read = dict.fromkeys(name for residual in terms for name in residual.reads)
-        every = [name for name in read if not name.endswith("/betas")]
-        blocks = [b for body in (self.body, *self.subjects) for b in body.free.values()]
-        return Problem(terms, free or every, blocks=blocks)
-
-    def values(self) -> Values:
-        """The first values: the given poses and D, and the best translation of each mesh."""
-        found = {"posedirs": self.body.posedirs}
-        for s, subject in enumerate(self.subjects):
-            found[f"subject {s}/shapedirs"] = subject.shapedirs
-        for j, (mesh, s) in enumerate(zip(self.posed.vertices, self.posed.person, strict=True)):
-            pose, betas, trans = self.subjects[s].blocks(f"mesh {j}/")
-            there = self.subjects[s].vertices(self.posed.poses[j], np.ones(1))
-            found[pose.name], found[betas.name] = self.posed.poses[j], np.ones(1)
-            found[trans.name] = (mesh - there).mean(axis=0)
-        return found
-
-
-def shape_term(D: Array, n_betas: int) -> tuple[Residual, tuple[Block, ...]]:
-    """S: D_pf (P, F, 3, 3) of people at rest against mean_f + sum over b of S_fb beta_pb.
-
-    The unknowns are the blocks `mean` (F, 9), `directions` (n_betas, 9 F) and `betas`
-    (P, n_betas), which are returned beside the residual. Its minimum is principal component
-    analysis (Eckart and Young 1936); directions and betas are found up to an invertible matrix.
-    """
-    P, F = D.shape[:2]
-    blocks = (
-        Block("mean", (F, 9)),
-        Block("directions", (n_betas, 9 * F)),
-        Block("betas", (P, n_betas)),
-    )
-    mean, directions, betas = (block.symbol for block in blocks)
-    model = cs.repmat(cs.vec(mean), 1, P) + directions @ betas  # (9 F, P)
-    observed = cs.MX(cs.DM(D.reshape(P, 9 * F).T))
-    return Residual("S", cs.vec(model - observed), 1.0, blocks=blocks), blocks

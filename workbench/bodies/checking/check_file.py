@@ -16,7 +16,7 @@ from workbench.bodies.checking.model_arrays import (
     used_keys,
 )
 from workbench.bodies.files.layouts import (
-    INSTEAD,
+    LOOKALIKES,
     body_from,
     is_triangle_body,
     triangle_body_from,
@@ -30,21 +30,21 @@ from workbench.bodies.files.reading import (
     Entries,
     contents_of,
     is_npz,
-    sorted_out,
+    kept_and_left_out,
 )
-from workbench.bodies.spaces import COUNTS, WITH_FACE
+from workbench.bodies.spaces import FACE_BETAS, WITH_FACE
 from workbench.environment import expanded
 from workbench.errors import BadFile, WorkbenchError, cut, some
 from workbench.reading.facts import parsed
 
 LICENCE = re.compile(r"licen[cs]e|copyright|terms", re.IGNORECASE)
-LONGEST = 2000  # characters of the text of a licence
+LONGEST_LICENCE = 2000  # characters of the text of a licence
 
 
 def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
     """Sizes and kinds by name, for a file of `size` bytes."""
     card, name, path = own_card(model.raw), about.model_of(model), Path(model.where)
-    said = next((card[key] for key in ("model", "name") if isinstance(card.get(key), str)), "")
+    title = next((card[key] for key in ("model", "name") if isinstance(card.get(key), str)), "")
     layout = f"in the layout of {name}" if name != "SMPL-like" else "of another tree than SMPL's"
     kind = "embedded"
     if path.is_file():
@@ -53,22 +53,22 @@ def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
     if model.shapedirs is not None:
         B = int(model.shapedirs.shape[2])
         betas = f"{B} of shape"
-        if model.family in WITH_FACE and B in COUNTS:
-            betas = f"{B}: {COUNTS[B][0]} of shape and {COUNTS[B][1]} of expression"
+        if model.family in WITH_FACE and B in FACE_BETAS:
+            betas = f"{B}: {FACE_BETAS[B][0]} of shape and {FACE_BETAS[B][1]} of expression"
     if model.posedirs is not None:
         P, K = model.posedirs.shape[2], model.n_joints
-        known = {
+        kinds_of_features = {
             9 * (K - 1): "elements of rotation matrices, as in SMPL",
             4 * (K - 1) + 1: "quaternions and beta 2, as in STAR",
         }
-        features = f"{P}, {known.get(P, 'of an unknown kind')}"
+        features = f"{P}, {kinds_of_features.get(P, 'of an unknown kind')}"
     if model.template is not None and np.isfinite(model.size):
         x, y, z = np.ptp(model.template, axis=0)
         unit = "m" if model.family in about.SIZES else "m, if it is in metres"
         extent = f"{x:.3f} wide, {y:.3f} high, {z:.3f} deep, in {unit}"
     gender = Entries(model.raw, "").text("gender", "")
     return {
-        "model": f"{cut(said, 60)}, {layout}" if said else layout,
+        "model": f"{cut(title, 60)}, {layout}" if title else layout,
         "file": f"{kind}, {size / 1e6:.1f} MB",
         "vertices": f"{0 if model.template is None else len(model.template):,}",
         "faces": f"{0 if model.faces is None else len(model.faces):,}",
@@ -83,8 +83,8 @@ def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
 
 
 def _axes(model: ModelArrays) -> str:
-    said = [f"{name} is {about.axis_of(way)}" for name, way in about.directions(model).items()]
-    return ", ".join(said) or "unknown: the joints have no names that say it"
+    axes = [f"{name} is {about.axis_of(way)}" for name, way in about.directions(model).items()]
+    return ", ".join(axes) or "unknown: the joints have no names that say it"
 
 
 def _side(model: ModelArrays) -> str:
@@ -105,26 +105,26 @@ def own_card(raw: Contents) -> dict[str, Any]:
 
 def licence_of(raw: Contents) -> dict[str, str]:
     """The text of the licence, if the file has one, by the key that it has there."""
-    found = {}
+    texts = {}
     for key, value in own_card(raw).items():
         if LICENCE.search(key) and isinstance(value, str):
-            found["licence"] = cut(value, LONGEST)
+            texts["licence"] = cut(value, LONGEST_LICENCE)
     for key in filter(LICENCE.search, raw):
         text = Entries(raw, "").text(key, "")
-        found[key] = cut(text, LONGEST) if text else f"there, but {kind_of(raw[key])}"
-    return found or {"licence": "the file has no text of one; ask where it is from"}
+        texts[key] = cut(text, LONGEST_LICENCE) if text else f"there, but {kind_of(raw[key])}"
+    return texts or {"licence": "the file has no text of one; ask where it is from"}
 
 
 def left_out_of(raw: Contents) -> dict[str, str]:
     """The keys that `load_body` cannot keep, each with the reason: `is a dict, not an array`."""
-    _, left_out = sorted_out(raw, {*used_keys(raw), *OURS, *CAPSULES, MIRROR})
+    _, left_out = kept_and_left_out(raw, {*used_keys(raw), *OURS, *CAPSULES, MIRROR})
     return {line.partition(", which ")[0]: line.partition(", which ")[2] for line in left_out}
 
 
 def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
     """Each key, its shape and type, and what becomes of it when the file is loaded and saved."""
     used = used_keys(raw)
-    kept, _ = sorted_out(raw, {*used, *OURS, *CAPSULES, MIRROR})
+    kept, _ = kept_and_left_out(raw, {*used, *OURS, *CAPSULES, MIRROR})
     fates = dict.fromkeys(raw, "read as the workbench's own")
     fates |= dict.fromkeys(left_out_of(raw), "left out, for the reason below")
     fates |= dict.fromkeys(kept, "kept, and saved again") | dict.fromkeys(used, "computed with")
@@ -132,7 +132,7 @@ def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
     return tuple((cut(key, 60), kind_of(raw[key]), fates[key]) for key in order)
 
 
-LEAST = 3  # arrays of SMPL's that a file must have to count as a body's
+FEWEST_ARRAYS = 3  # arrays of SMPL's that a file must have to count as a body's
 
 
 @dataclass(frozen=True)
@@ -218,8 +218,8 @@ def check_contents(raw: Contents, where: str, size: int = 0) -> FileCheck:
 def _refuse_others(raw: Contents, where: str) -> None:
     """Raise BadFile for entries that are not those of a body."""
     have = {key.partition("/")[0] for key in raw}
-    if len(have & {*REQUIRED}) < LEAST:
-        instead = next((f" It looks like {what}." for keys, what in INSTEAD if keys <= have), "")
+    if len(have & {*REQUIRED}) < FEWEST_ARRAYS:
+        instead = next((f" It looks like {what}." for keys, what in LOOKALIKES if keys <= have), "")
         raise BadFile(
             f"{where} holds no body: it has {some(sorted(have))}.{instead} A body has "
             f"{', '.join(REQUIRED)}"

@@ -8,10 +8,11 @@ import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.checking.model_arrays import FileFinding, ModelArrays, of_all, row_name
-from workbench.bodies.files.joint_names import FINGERS, NAMES, TREES
-from workbench.bodies.spaces import COUNTS, WITH_FACE
+from workbench.bodies.files.joint_names import FINGER_JOINTS, NAMES, TREES
+from workbench.bodies.spaces import FACE_BETAS, WITH_FACE
 from workbench.bodies.validation import ROW_SUM_TOLERANCE
 from workbench.geometry.guesses import UP_TO_Y
+from workbench.geometry.mirror import opposite
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import volume
 
@@ -142,7 +143,7 @@ def _of_family(model: ModelArrays) -> Iterator[FileFinding]:
         )
 
 
-NOTHING = 1e-9  # of the largest direction, below which a direction moves nothing
+LEAST_DIRECTION = 1e-9  # of the largest direction, below which a direction moves nothing
 
 
 def model_of(model: ModelArrays) -> str:
@@ -160,7 +161,7 @@ def about_spaces(model: ModelArrays) -> Iterator[FileFinding]:
     if not B:
         return
     largest = np.abs(model.shapedirs).max(axis=(0, 1), initial=0.0)
-    acting = int(np.flatnonzero(largest > NOTHING * largest.max()).max(initial=-1)) + 1
+    acting = int(np.flatnonzero(largest > LEAST_DIRECTION * largest.max()).max(initial=-1)) + 1
     if acting < B:
         yield FileFinding(
             "shapedirs",
@@ -168,7 +169,7 @@ def about_spaces(model: ModelArrays) -> Iterator[FileFinding]:
             "and their betas cannot be found by any fit. Take the file with all directions, or "
             f"keep shapedirs[:, :, :{acting}].",
         )
-    if name in WITH_FACE and B not in COUNTS:
+    if name in WITH_FACE and B not in FACE_BETAS:
         yield FileFinding(
             "shapedirs",
             f"There are {B} shape directions, but files of {name} have 400 (300 of shape and 100 "
@@ -188,7 +189,7 @@ METRES = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0
 LARGEST_SHAPE, LARGEST_POSE = 0.3, 1.0  # of the size of a model, of an entry of shapedirs, posedirs
 ELSEWHERE = 0.7  # of the usual distance of any joint: a joint that far from its own vertices
 AXES = ("x", "y", "z")
-ALL = "v_template, shapedirs and posedirs"
+IN_METRES = "v_template, shapedirs and posedirs"
 
 
 def about_places(model: ModelArrays) -> Iterator[FileFinding]:
@@ -238,11 +239,11 @@ def _unit(model: ModelArrays) -> Iterator[FileFinding]:
         units.sort(key=lambda unit: abs(np.log(size * METRES[unit] / usual)))
         fits = [f"in {unit} it would be {size * METRES[unit]:.2f} m" for unit in units]
         what_to_do = (
-            f"{', and '.join(fits)}. Multiply {ALL} by {METRES[units[0]]:g}"
+            f"{', and '.join(fits)}. Multiply {IN_METRES} by {METRES[units[0]]:g}"
             f"{f', if it is in {units[0]}' if len(units) > 1 else ''}."
             if units
-            else f"{model.family} is {least:g} to {most:g}. Find out its unit, and multiply {ALL} "
-            "by the metres in it."
+            else f"{model.family} is {least:g} to {most:g}. Find out its unit, and multiply "
+            f"{IN_METRES} by the metres in it."
         )
         yield FileFinding(
             "v_template",
@@ -268,23 +269,19 @@ def directions(model: ModelArrays) -> dict[str, Array]:
     joints = model.joints
     if joints is None or model.n_joints != len(model.names):
         return {}
-    at = dict(zip(model.names, joints, strict=True))
-    left = [name for name in at if name.startswith("left_") and _other_side(name) in at]
+    places = dict(zip(model.names, joints, strict=True))
+    left = [name for name in places if name.startswith("left_") and opposite(name) in places]
     ends = {
-        "left": (left, [_other_side(name) for name in left]),
+        "left": (left, [opposite(name) for name in left]),
         "up": (["head", "neck"], ["left_ankle", "right_ankle", "pelvis"]),
         "front": (["left_foot", "right_foot"], ["left_ankle", "right_ankle"]),
     }
-    found = {}
+    ways = {}
     for name, (to, start) in ends.items():
-        places = [[at[joint] for joint in joints if joint in at] for joints in (to, start)]
-        if all(places):
-            found[name] = np.mean(places[0], axis=0) - np.mean(places[1], axis=0)
-    return {name: way for name, way in found.items() if np.any(way)}
-
-
-def _other_side(name: str) -> str:
-    return f"right_{name.removeprefix('left_')}"
+        ends_of = [[places[joint] for joint in joints if joint in places] for joints in (to, start)]
+        if all(ends_of):
+            ways[name] = np.mean(ends_of[0], axis=0) - np.mean(ends_of[1], axis=0)
+    return {name: way for name, way in ways.items() if np.any(way)}
 
 
 def axis_of(way: Array) -> str:
@@ -317,7 +314,7 @@ def _axes(model: ModelArrays) -> Iterator[FileFinding]:
         )
 
 
-LONG = ("index", "middle", "ring", "pinky")
+LONG_FINGERS = ("index", "middle", "ring", "pinky")
 # the correlation of stretches along x with those along y and z, below which x is turned
 OPPOSED = -0.5
 DECIDED = 0.1  # of the largest chirality, 1: below it a hand may be either
@@ -342,29 +339,29 @@ def hands_in_file(model: ModelArrays) -> list[Hand]:
     joints = model.joints
     if joints is None or len(model.names) != len(joints):
         return []
-    at, found = dict(zip(model.names, joints, strict=True)), []
+    places_of, hands = dict(zip(model.names, joints, strict=True)), []
     in_name = [side for side in ("left", "right") if side in Path(model.where).stem.lower()]
     for letter, side in (("", ""), ("l", "left"), ("r", "right")):
         prefix = f"{side}_" if side else ""
-        places = {name: at.get(prefix + name) for name in ("wrist", *FINGERS)}
-        known = {name: place for name, place in places.items() if place is not None}
-        if len(known) == len(places):
+        places = {name: places_of.get(prefix + name) for name in ("wrist", *FINGER_JOINTS)}
+        ends = {name: place for name, place in places.items() if place is not None}
+        if len(ends) == len(places):
             mean = model.extra(f"hands_mean{letter}")
             pose = np.zeros(45) if mean is None or mean.size != 45 else mean.astype(np.float64)
             said = side or (in_name[0] if len(in_name) == 1 else "")
-            found.append(Hand(letter, said, _chirality(known, pose.reshape(15, 3))))
-    return found
+            hands.append(Hand(letter, said, _chirality(ends, pose.reshape(15, 3))))
+    return hands
 
 
-def _chirality(at: Mapping[str, Array], pose: Array) -> float:
-    turns = dict(zip(FINGERS, pose, strict=True))
-    fingers, thumbwards = at["middle1"] - at["wrist"], at["index1"] - at["pinky1"]
+def _chirality(places: Mapping[str, Array], pose: Array) -> float:
+    turns = dict(zip(FINGER_JOINTS, pose, strict=True))
+    fingers, thumbwards = places["middle1"] - places["wrist"], places["index1"] - places["pinky1"]
     bends = [  # how small turns of its joints move the last joint of each finger
-        np.cross(turns[f"{finger}{i}"], at[f"{finger}3"] - at[f"{finger}{i}"])
-        for finger in LONG
+        np.cross(turns[f"{finger}{i}"], places[f"{finger}3"] - places[f"{finger}{i}"])
+        for finger in LONG_FINGERS
         for i in (1, 2)
     ]
-    ways = np.array([fingers, thumbwards, np.sum(bends, axis=0) / len(LONG)])
+    ways = np.array([fingers, thumbwards, np.sum(bends, axis=0) / len(LONG_FINGERS)])
     lengths = np.linalg.norm(ways, axis=1)
     if lengths.min() <= 0 or lengths[2] < 0.01 * lengths[0]:
         return 0.0

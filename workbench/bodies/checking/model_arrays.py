@@ -46,7 +46,7 @@ def of_all(wrong: Mask, what: str) -> str:
     return f"{np.count_nonzero(wrong):,} of {wrong.size:,} {what}"
 
 
-HUGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
+TOO_LARGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,55 +103,68 @@ class ModelArrays:
         return value if _usable(value).all() else None
 
 
-def model_arrays(raw: Contents, where: str) -> ModelArrays:
-    """The arrays of a file of SMPL's layout, and what is wrong with reading them."""
-    entries, found = Entries(raw, where), _not_finite(raw)
-    have = {key.partition("/")[0] for key in raw}
-    found += [
-        FileFinding(key, f"There is no {key}, without which there is no body.")
-        for key in REQUIRED
-        if key not in have
-    ]
+@dataclass
+class _Reading:
+    """The arrays of a file, one by one; instead of one that cannot be used there is a finding."""
 
-    def read(key: str, reader: Callable[[str], Any]) -> Any:
-        """The array, or None with a finding."""
+    entries: Entries
+    findings: list[FileFinding]
+
+    def array(
+        self,
+        key: str,
+        read: Callable[[str], Any],
+        shape: tuple[int | None, ...] | None = None,
+        because: str = "",
+    ) -> Any:
+        """The array, or None; in `shape`, None stands for any size."""
+        raw, where = self.entries.raw, self.entries.where
         if key not in raw and f"{key}/data" not in raw:
             return None
         try:
-            array = reader(key)
+            array = read(key)
         except BadFile as error:
             reason = str(error).removeprefix(where).removeprefix(":").strip()
-            found.append(FileFinding(key, f"{reason}. Take it from the original file."))
+            self.findings.append(FileFinding(key, f"{reason}. Take it from the original file."))
             return None
         numbers = array.data if isinstance(array, csr_array) else array
-        there = array.ndim and array.shape[0]
-        return array if there and _usable(numbers).all() else None
-
-    def fits(key: str, array: Any, shape: tuple[int | None, ...], because: str) -> Any:
-        """The array if its shape is this one, in which None stands for any size."""
-        if array is None or _fits(array.shape, shape):
+        if not (array.ndim and array.shape[0] and _usable(numbers).all()):
+            return None
+        if shape is None or _fits(array.shape, shape):
             return array
-        wanted = ", ".join("." if n is None else str(n) for n in shape)
-        found.append(
+        sizes = ", ".join("." if n is None else str(n) for n in shape)
+        self.findings.append(
             FileFinding(
                 key,
-                f"{key} has shape {array.shape}, but must be ({wanted}) {because}. One of the two "
+                f"{key} has shape {array.shape}, but must be ({sizes}) {because}. One of the two "
                 "is of another model, or was cut: take both from one file.",
             )
         )
         return None
 
-    template = fits("v_template", read("v_template", entries.reals), (None, 3), "for vertices")
-    table = fits("kintree_table", read("kintree_table", entries.wholes), (2, None), "for a tree")
+
+def model_arrays(raw: Contents, where: str) -> ModelArrays:
+    """The arrays of a file of SMPL's layout, and what is wrong with reading them."""
+    entries, findings = Entries(raw, where), _not_finite(raw)
+    have = {key.partition("/")[0] for key in raw}
+    findings += [
+        FileFinding(key, f"There is no {key}, without which there is no body.")
+        for key in REQUIRED
+        if key not in have
+    ]
+    array = _Reading(entries, findings).array
+    template = array("v_template", entries.reals, (None, 3), "for vertices")
+    table = array("kintree_table", entries.wholes, (2, None), "for a tree")
     N = None if template is None else len(template)
     K = None if table is None else table.shape[1]
-    of_N, of_K = f"for the {N} vertices of v_template", f"and {K} joints of kintree_table"
-    faces = fits("f", read("f", entries.wholes), (None, 3), "for triangles")
-    weights = fits("weights", read("weights", entries.reals), (N, K), f"{of_N} {of_K}")
-    regressor = read("J_regressor", entries.matrix)
-    regressor = fits("J_regressor", regressor, (K, N), f"{of_N} {of_K}")
+    sizes = {"vertices of v_template": N, "joints of kintree_table": K}
+    counts = [f"{n} {what}" for what, n in sizes.items() if n is not None]
+    of_both = f"for the {' and '.join(counts) or 'vertices and joints'}"
+    faces = array("f", entries.wholes, (None, 3), "for triangles")
+    weights = array("weights", entries.reals, (N, K), of_both)
+    regressor = array("J_regressor", entries.matrix, (K, N), of_both)
     blends = {
-        key: read(key, partial(entries.directions, N=N)) if N else None
+        key: array(key, partial(entries.directions, N=N)) if N else None
         for key in ("shapedirs", "posedirs")
     }
     parents = _parents(table)
@@ -166,26 +179,26 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
         regressor,
         table,
         parents,
-        _names(entries, 0 if table is None else table.shape[1], parents),
-        tuple(found),
+        _names(entries, K or 0, parents),
+        tuple(findings),
     )
 
 
-def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
-    return len(found) == len(shape) and all(
-        wanted is None or wanted == n for n, wanted in zip(found, shape, strict=True)
+def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(expected) and all(
+        size is None or size == n for n, size in zip(shape, expected, strict=True)
     )
 
 
 def _usable(numbers: NDArray[Any]) -> Mask:
     """Which numbers can be computed with."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray(np.abs(numbers) < HUGE)  # which NaN is not
+        return np.asarray(np.abs(numbers) < TOO_LARGE)  # which NaN is not
 
 
 def _not_finite(raw: Contents) -> list[FileFinding]:
     """A finding for each array with entries that are infinite or not numbers."""
-    found = []
+    findings = []
     for key, value in raw.items():
         numbers = value.data if isinstance(value, csr_array) else value
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f":
@@ -195,12 +208,12 @@ def _not_finite(raw: Contents) -> list[FileFinding]:
             first = [int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape)]
             where = "" if isinstance(value, csr_array) else f", the first at {first}"
             text = (
-                f"{of_all(bad, 'entries')} of {cut(key, 60)} are not finite, or above {HUGE:g}"
+                f"{of_all(bad, 'entries')} of {cut(key, 60)} are not finite, or above {TOO_LARGE:g}"
                 f"{where}; they spread to every number that is computed from them. Export the "
                 "model again, or find out what these entries should be."
             )
-            found.append(FileFinding(cut(key, 60), text))
-    return found
+            findings.append(FileFinding(cut(key, 60), text))
+    return findings
 
 
 def _parents(table: Index | None) -> tuple[int, ...] | None:
@@ -216,10 +229,10 @@ def _parents(table: Index | None) -> tuple[int, ...] | None:
 
 def _names(entries: Entries, K: int, parents: tuple[int, ...] | None) -> tuple[str, ...]:
     try:
-        own = entries.texts("joint_names") if "joint_names" in entries else ()
+        names = entries.texts("joint_names") if "joint_names" in entries else ()
     except BadFile:
-        own = ()
-    return own if len(own) == K else joint_names(min(K, MOST_JOINTS), parents)
+        names = ()
+    return names if len(names) == K else joint_names(min(K, MOST_JOINTS), parents)
 
 
 def used_keys(raw: Contents) -> frozenset[str]:

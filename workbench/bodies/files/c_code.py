@@ -17,8 +17,8 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.writing import replacing
 
 JOINTS = "joints"
-MOST = 300_000  # instructions: a compiler takes minutes from there on
-LINE = 90  # characters of a line of names
+MOST_INSTRUCTIONS = 300_000  # instructions: a compiler takes minutes from there on
+LINE_WIDTH = 90  # characters of a line of names
 
 
 def write_c(path: str | Path, body: Body, points: str = JOINTS) -> None:
@@ -37,17 +37,16 @@ def write_c(path: str | Path, body: Body, points: str = JOINTS) -> None:
     if points != JOINTS and points not in body.landmarks:
         raise UnknownName("landmark set", points, (JOINTS, *body.landmarks))
     blocks = body.blocks()
-    at = [block.symbol for block in blocks]
-    found = body.joint_points(*at) if points == JOINTS else body.landmark_points(points, *at)
+    symbols = [block.symbol for block in blocks]
     name = re.sub(r"\W", "_", points)
     name = name if name[:1].isalpha() else f"points_{name}"
     inputs, outputs = ["pose", "betas", "trans"], ["points"]
-    expression = cs.densify(found.source.expression)
-    function = cs.Function(name, at, [expression], inputs, outputs).expand()
-    if function.n_instructions() > MOST:
+    expression = cs.densify(body.landmark_points(points, *symbols).source.expression)
+    function = cs.Function(name, symbols, [expression], inputs, outputs).expand()
+    if function.n_instructions() > MOST_INSTRUCTIONS:
         raise BadArgument(
             f"{points!r} of body {body.name!r} take {function.n_instructions():,} instructions, "
-            f"and C code is written of {MOST:,} at most; give fewer landmarks"
+            f"and C code is written of {MOST_INSTRUCTIONS:,} at most; give fewer landmarks"
         )
     about = _about(body, points, name, body.landmark_names(points))
     with tempfile.TemporaryDirectory() as folder:
@@ -94,4 +93,4 @@ def _plain(text: str) -> str:
 
 def _wrapped(names: Sequence[str]) -> list[str]:
     text = ", ".join(map(_plain, names))
-    return wrap(text, LINE, initial_indent="  ", subsequent_indent="  ")
+    return wrap(text, LINE_WIDTH, initial_indent="  ", subsequent_indent="  ")

@@ -80,8 +80,8 @@ class GltfBuffer:
         return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
 
 
-NOTHING = 1e-9  # m, summed over all vertices and poses: a smaller direction is rounding
-TOGETHER = 32  # poses whose surfaces are in memory at once
+LEAST_DIRECTION = 1e-9  # m, summed over all vertices and poses: a smaller direction is rounding
+POSES_AT_ONCE = 32  # poses whose surfaces are in memory at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,18 +123,18 @@ def correctives_of(
     mixed, shares = np.zeros((T, 0)), np.zeros((T, 0))  # mixtures of poses that are the shapes
     if P.shape[1] and count != 0:
         _, sizes, turns = np.linalg.svd(np.linalg.qr(P, mode="r") @ features.T, full_matrices=False)
-        kept = int((sizes > NOTHING).sum())
-        used = turns[: kept if count is None else min(kept, count)].T  # columns of length one
+        rank = int((sizes > LEAST_DIRECTION).sum())
+        used = turns[: rank if count is None else min(rank, count)].T  # columns of length one
         largest = np.abs(used).max(axis=0, initial=1e-300)
         mixed, shares = used * largest, used / largest
     shapes, shares = (
         a.astype(np.float32).astype(np.float64) for a in (P @ (features.T @ mixed), shares)
     )
     total, farthest = 0.0, 0.0
-    for first in range(0, T, TOGETHER):
-        some = slice(first, first + TOGETHER)
-        missing = (features[some] @ P.T - shares[some] @ shapes.T).reshape(-1, N, 3)
-        R = body.kinematics.motion(poses[some], people[some]).G[..., :3]
+    for first in range(0, T, POSES_AT_ONCE):
+        rows = slice(first, first + POSES_AT_ONCE)
+        missing = (features[rows] @ P.T - shares[rows] @ shapes.T).reshape(-1, N, 3)
+        R = body.kinematics.motion(poses[rows], people[rows]).G[..., :3]
         blended = (body.weights @ R.reshape(len(R), -1, 9)).reshape(-1, N, 3, 3)
         off = np.linalg.norm(np.einsum("tnij,tnj->tni", blended, missing), axis=2)
         total, farthest = total + float(off.sum()), max(farthest, float(off.max()))
@@ -142,8 +142,8 @@ def correctives_of(
     return Correctives(targets, shares, total / (T * N), farthest)
 
 
-STILL = 1e-9  # m: a joint that betas move by less stays where it is
-SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
+LEAST_MOTION = 1e-9  # m: a joint that betas move by less stays where it is
+TWO_BYTES, ONE_BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
 
 
 def write_gltf(
@@ -196,10 +196,10 @@ def write_gltf(
         raise BadArgument(f"the seconds from key to key must be positive, not {seconds}")
     if not all(np.isfinite(numbers).all() for numbers in (theta, people, places, added)):
         raise BadArgument("poses, betas, trans and moving must be finite; leave other frames out")
-    found = correctives_of(body, theta, people[0], correctives)
+    targets = correctives_of(body, theta, people[0], correctives)
     moved = None if trans is None else places
-    write_file(path, _glb(body, theta, people[0], moved, added, seconds, found, shapes))
-    return found
+    write_file(path, _glb(body, theta, people[0], moved, added, seconds, targets, shapes))
+    return targets
 
 
 def _glb(
@@ -213,54 +213,14 @@ def _glb(
     shapes: int,
 ) -> bytes:
     buffer, K = GltfBuffer(), body.n_joints
-    rest = body.template + body.shapedirs @ betas
-    rows, faces, uv = Mesh(rest, body.faces, *body.texture).unwrapped()
-    J = body.numeric.skeleton.positions(betas)
-    normals = vertex_normals(rest, body.faces)
-    normals[~normals.any(axis=1)] = [0.0, 1.0, 0.0]  # of a vertex of no face: glTF takes no zeros
-    attributes = {
-        "POSITION": buffer.add(rest[rows], "float32", ATTRIBUTES),
-        "NORMAL": buffer.add(normals[rows], "float32", ATTRIBUTES),
-    }
-    attributes |= _influences(body.weights[rows], buffer)
-    if uv is not None:  # glTF's v goes downwards
-        attributes["TEXCOORD_0"] = buffer.add(
-            np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]), "float32", ATTRIBUTES
-        )
     used = np.flatnonzero(added.any(axis=0)).tolist()  # betas that move
-    directions = np.moveaxis(body.shapedirs, 2, 0)
-    morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
-    names = [f"betas[{b}]" for b in range(shapes)] + [f"moving betas[{b}]" for b in used]
-    names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
-    primitive: dict[str, Any] = {
-        "attributes": attributes,
-        "indices": buffer.add(faces.ravel(), "uint16" if len(rows) < SHORT else "uint32", ELEMENTS),
-    }
-    mesh: dict[str, Any] = {"primitives": [primitive]}
-    if morphs:
-        primitive["targets"] = [
-            {"POSITION": buffer.add(moved[rows], "float32", ATTRIBUTES)} for moved in morphs
-        ]
-        mesh |= {"weights": [0.0] * len(morphs), "extras": {"targetNames": names}}
+    mesh = _mesh(body, betas, used, correctives, shapes, buffer)
+    weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
+    J = body.numeric.skeleton.positions(betas)
     inverse = np.tile(np.eye(4), (K, 1, 1))
     inverse[:, 3, :3] = -J  # by columns: the fourth is the translation
     offsets = J - np.where(np.arange(K)[:, None] > 0, J[list(body.parents)], 0.0)
-    nodes: list[dict[str, Any]] = [
-        {"name": name, "translation": offset.tolist()}
-        for name, offset in zip(body.joint_names, offsets, strict=True)
-    ]
-    for k, parent in enumerate(body.parents[1:], start=1):
-        nodes[parent].setdefault("children", []).append(k)
-    nodes.append({"name": body.name, "mesh": 0, "skin": 0})
-    weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
-    slopes = body.numeric.skeleton.by_betas[:, :, used]
-    moved = np.einsum("kab,pb->pka", slopes, added[:, used])
-    turned = matrix_from_vector(poses)
-    places = {
-        k: offsets[k] + moved[:, k] - np.einsum("pij,pj->pi", turned[:, k], moved[:, k])
-        for k in range(K)
-        if np.abs(moved[:, k]).max(initial=0.0) > STILL
-    }
+    places = _moving_places(body, poses, used, added, offsets)
     if trans is not None:
         places[0] = places.get(0, J[0]) + trans
     document = {
@@ -277,7 +237,7 @@ def _glb(
         },
         "scene": 0,
         "scenes": [{"nodes": [0, K]}],
-        "nodes": nodes,
+        "nodes": _nodes(body, offsets),
         "meshes": [mesh],
         "skins": [
             {
@@ -291,21 +251,82 @@ def _glb(
     return buffer.file(document)
 
 
+def _mesh(
+    body: SkinnedBody,
+    betas: Array,
+    used: list[int],
+    correctives: Correctives,
+    shapes: int,
+    buffer: GltfBuffer,
+) -> dict[str, Any]:
+    """The surface at rest with its morph targets: shapes, betas that are `used`, correctives."""
+    rest = body.template + body.shapedirs @ betas
+    rows, faces, uv = Mesh(rest, body.faces, *body.texture).unwrapped()
+    normals = vertex_normals(rest, body.faces)
+    normals[~normals.any(axis=1)] = [0.0, 1.0, 0.0]  # of a vertex of no face: glTF takes no zeros
+    attributes = {
+        "POSITION": buffer.add(rest[rows], "float32", ATTRIBUTES),
+        "NORMAL": buffer.add(normals[rows], "float32", ATTRIBUTES),
+    }
+    attributes |= _influences(body.weights[rows], buffer)
+    if uv is not None:  # glTF's v goes downwards
+        flipped = np.column_stack([uv[:, 0], 1.0 - uv[:, 1]])
+        attributes["TEXCOORD_0"] = buffer.add(flipped, "float32", ATTRIBUTES)
+    kind = "uint16" if len(rows) < TWO_BYTES else "uint32"
+    indices = buffer.add(faces.ravel(), kind, ELEMENTS)
+    primitive: dict[str, Any] = {"attributes": attributes, "indices": indices}
+    mesh: dict[str, Any] = {"primitives": [primitive]}
+    directions = np.moveaxis(body.shapedirs, 2, 0)
+    morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
+    if morphs:
+        names = [f"betas[{b}]" for b in range(shapes)] + [f"moving betas[{b}]" for b in used]
+        names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
+        primitive["targets"] = [
+            {"POSITION": buffer.add(morph[rows], "float32", ATTRIBUTES)} for morph in morphs
+        ]
+        mesh |= {"weights": [0.0] * len(morphs), "extras": {"targetNames": names}}
+    return mesh
+
+
+def _nodes(body: SkinnedBody, offsets: Array) -> list[dict[str, Any]]:
+    """The joints, each at its offset (K, 3) m from its parent, and after them the surface."""
+    nodes: list[dict[str, Any]] = [
+        {"name": name, "translation": offset.tolist()}
+        for name, offset in zip(body.joint_names, offsets, strict=True)
+    ]
+    for k, parent in enumerate(body.parents[1:], start=1):
+        nodes[parent].setdefault("children", []).append(k)
+    return [*nodes, {"name": body.name, "mesh": 0, "skin": 0}]
+
+
+def _moving_places(
+    body: SkinnedBody, poses: Array, used: list[int], added: Array, offsets: Array
+) -> dict[int, Array]:
+    """Where each joint that moving betas displace is in its parent's frame, (P, 3) m by joint."""
+    shifts = np.einsum("kab,pb->pka", body.numeric.skeleton.by_betas[:, :, used], added[:, used])
+    R = matrix_from_vector(poses)
+    return {
+        k: offsets[k] + shifts[:, k] - np.einsum("pij,pj->pi", R[:, k], shifts[:, k])
+        for k in range(body.n_joints)
+        if np.abs(shifts[:, k]).max(initial=0.0) > LEAST_MOTION
+    }
+
+
 def _influences(weights: Array, buffer: GltfBuffer) -> dict[str, int]:
     """Joints and weights of every vertex, four at a time, the largest first."""
     order = np.argsort(-weights, axis=1, kind="stable")
     sets = -(-int((weights > 0).sum(axis=1).max()) // 4)
-    found = {}
+    attributes = {}
     for s in range(sets):
         joints = order[:, 4 * s : 4 * s + 4]
         shares = np.take_along_axis(weights, joints, axis=1)
-        kind = "uint8" if weights.shape[1] <= BYTE else "uint16"
+        kind = "uint8" if weights.shape[1] <= ONE_BYTE else "uint16"
         joints = np.where(shares > 0, joints, 0)
-        filled = np.zeros((len(joints), 4 - joints.shape[1]))  # a body of three joints or less
-        joints, shares = (np.hstack([a, filled]) for a in (joints, shares))
-        found[f"JOINTS_{s}"] = buffer.add(joints, kind, ATTRIBUTES)
-        found[f"WEIGHTS_{s}"] = buffer.add(shares, "float32", ATTRIBUTES)
-    return found
+        padding = np.zeros((len(joints), 4 - joints.shape[1]))  # a body of three joints or less
+        joints, shares = (np.hstack([a, padding]) for a in (joints, shares))
+        attributes[f"JOINTS_{s}"] = buffer.add(joints, kind, ATTRIBUTES)
+        attributes[f"WEIGHTS_{s}"] = buffer.add(shares, "float32", ATTRIBUTES)
+    return attributes
 
 
 def _animation(
@@ -319,14 +340,14 @@ def _animation(
     q[1:] *= np.cumprod(same, axis=0)[:, :, None]
     times = buffer.add(seconds * np.arange(P), "float32")
     outputs = [buffer.add(q[:, k], "float32") for k in range(K)]
-    where = [{"node": k, "path": "rotation"} for k in range(K)]
+    targets = [{"node": k, "path": "rotation"} for k in range(K)]
     if weights.size:
         outputs.append(buffer.add(weights.ravel(), "float32"))
-        where.append({"node": K, "path": "weights"})
+        targets.append({"node": K, "path": "weights"})
     for k, place in places.items():
         outputs.append(buffer.add(place, "float32"))
-        where.append({"node": k, "path": "translation"})
+        targets.append({"node": k, "path": "translation"})
     return {
-        "samplers": [{"input": times, "output": out} for out in outputs],
-        "channels": [{"sampler": i, "target": target} for i, target in enumerate(where)],
+        "samplers": [{"input": times, "output": output} for output in outputs],
+        "channels": [{"sampler": i, "target": target} for i, target in enumerate(targets)],
     }

@@ -8,12 +8,12 @@ BODY = (
     *("left_collar", "right_collar", "head", "left_shoulder", "right_shoulder"),
     *("left_elbow", "right_elbow", "left_wrist", "right_wrist"),
 )
-FINGERS = tuple(
+FINGER_JOINTS = tuple(
     f"{finger}{i}" for finger in ("index", "middle", "pinky", "ring", "thumb") for i in (1, 2, 3)
 )
-HANDS = tuple(f"{side}_{name}" for side in ("left", "right") for name in FINGERS)
+HANDS = tuple(f"{side}_{name}" for side in ("left", "right") for name in FINGER_JOINTS)
 NAMES = {
-    16: ("MANO", ("wrist", *FINGERS)),
+    16: ("MANO", ("wrist", *FINGER_JOINTS)),
     24: ("SMPL", (*BODY, "left_hand", "right_hand")),
     52: ("SMPL-H", (*BODY, *HANDS)),
     55: ("SMPL-X", (*BODY, "jaw", "left_eye", "right_eye", *HANDS)),

@@ -33,7 +33,7 @@ from workbench.bodies.files.reading import (
     SKINNED,
     TRIANGLES,
     Entries,
-    sorted_out,
+    kept_and_left_out,
 )
 from workbench.bodies.forward.surface import Features, rotation_elements, star_features
 from workbench.bodies.readonly import locked
@@ -42,7 +42,7 @@ from workbench.bodies.triangles.body import TriangleBody
 from workbench.errors import BadFile, shown, some
 from workbench.reading.facts import parsed
 
-INSTEAD = (  # keys by which other kinds of files are recognized
+LOOKALIKES = (  # keys by which other kinds of files are recognized
     ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none; read_motion reads it"),
     ({"eigvec"}, "the soft-tissue directions of DMPL, which go with a body and are none"),
     ({"vertices", "faces"}, "a plain mesh; read_mesh reads mesh files"),
@@ -63,8 +63,8 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     _check_keys(entries)
     N, parents = _vertices(entries), parents_from(entries)
     mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
-    own = SKINNED if mirror is None else SKINNED | {MIRROR}
-    extras, left_out = sorted_out(raw, own)
+    keys = SKINNED if mirror is None else SKINNED | {MIRROR}
+    extras, left_out = kept_and_left_out(raw, keys)
     return SkinnedBody(
         template=locked(entries.reals("v_template")),
         shapedirs=locked(entries.directions("shapedirs", N)),
@@ -92,11 +92,11 @@ def _check_keys(entries: Entries) -> None:
     have = {key.partition("/")[0] for key in entries.raw}
     missing = [key for key in REQUIRED if key not in have]
     if missing:
-        instead = next((f"It looks like {what}. " for keys, what in INSTEAD if keys <= have), "")
-        there = some(sorted(have)) if have else "nothing"
+        instead = next((f"It looks like {what}. " for keys, what in LOOKALIKES if keys <= have), "")
+        contents = some(sorted(have)) if have else "nothing"
         raise BadFile(
             f"{entries.where} has no {', '.join(missing)}; it has "
-            f"{there}. {instead}A body needs {', '.join(REQUIRED)}"
+            f"{contents}. {instead}A body needs {', '.join(REQUIRED)}"
         )
     style = entries.text("bs_style", "lbs")
     if style != "lbs":
@@ -149,7 +149,7 @@ def _mirror(entries: Entries, N: int) -> Index | None:
 
 def landmarks_from(entries: Entries) -> dict[str, Landmarks]:
     """The sets of landmarks that a file of the workbench holds. Raises BadFile."""
-    names = sorted(found[1] for key in entries.raw if (found := LANDMARKS.fullmatch(key)))
+    names = sorted(match[1] for key in entries.raw if (match := LANDMARKS.fullmatch(key)))
     return {
         name: Landmarks(
             entries.texts(f"landmarks/{name}/names"), entries.matrix(f"landmarks/{name}")
@@ -207,8 +207,8 @@ def own_card(entries: Entries, left_out: list[str]) -> dict[str, Any]:
     if not isinstance(card, dict):
         raise BadFile(f"{entries.where}: its card is a {type(card).__name__}, not an object")
     before = card.get("left_out", [])
-    both = [*(before if isinstance(before, list) else [before]), *left_out]
-    return card | ({"left_out": both} if left_out else {})
+    lines = [*(before if isinstance(before, list) else [before]), *left_out]
+    return card | ({"left_out": lines} if left_out else {})
 
 
 STYLE = "triangles"
@@ -233,7 +233,7 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
             f"triangle body has {', '.join(OF_TRIANGLES)}"
         )
     parents = parents_from(entries)
-    extras, left_out = sorted_out(raw, TRIANGLES)
+    extras, left_out = kept_and_left_out(raw, TRIANGLES)
     return TriangleBody(
         template=locked(entries.reals("v_template")),
         faces=entries.wholes("f"),

@@ -50,7 +50,7 @@ SPARSE = frozenset(
     for module in ("", f".{kind}", f"._{kind}")
     for what in ("matrix", "array")
 )
-KNOWN = SPARSE | {
+KNOWN_NAMES = SPARSE | {
     *((f"{numpy}.multiarray", name) for numpy in NUMPY for name in ("_reconstruct", "scalar")),
     *((f"{numpy}.numeric", "_frombuffer") for numpy in NUMPY),
     *(("numpy", name) for name in ("ndarray", "dtype")),
@@ -66,7 +66,7 @@ STORAGES = {  # what PyTorch keeps the numbers of tensors in
     **{"LongStorage": "i8", "IntStorage": "i4", "ShortStorage": "i2", "ByteStorage": "u1"},
 }
 STORAGE = PickledName("torch", "a storage")  # of a tensor, which the file names by a number
-MORE = DICTIONARIES | {  # that recordings of motions hold beside arrays
+MOTION_NAMES = DICTIONARIES | {  # that recordings of motions hold beside arrays
     *((m, name) for m in ("builtins", "__builtin__") for name in ("dict", "list", "int", "float")),
     *(("torch", name) for name in STORAGES),
     *(JOBLIB, ("torch._utils", "_rebuild_tensor_v2"), ("torch.storage", "_load_from_bytes")),
@@ -108,7 +108,7 @@ def permitted(module: str, name: str, more: Set[tuple[str, str]] = frozenset()) 
         )
     words = (*module.split("."), name)
     chumpy = words[0] == "chumpy" and all(w.isidentifier() and w[0] != "_" for w in words)
-    if not chumpy and (module, name) not in KNOWN and (module, name) not in more:
+    if not chumpy and (module, name) not in KNOWN_NAMES and (module, name) not in more:
         raise UnsafePickle(
             f"it asks for {cut(f'{module}.{name}', 100)}, which is no part of a body model; it was "
             "not run. Only numpy arrays, scipy.sparse matrices and chumpy values are read"
@@ -147,7 +147,7 @@ def read_pickle(path: Path) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # escapes in damaged texts
-            return run(path.read_bytes())
+            return interpret(path.read_bytes())
     except UnsafePickle as error:
         raise UnsafePickle(f"{path}: {error}") from None
     except DAMAGE as error:
@@ -156,7 +156,7 @@ def read_pickle(path: Path) -> Any:
         ) from error
 
 
-def run(
+def interpret(
     pickled: bytes | io.BytesIO,
     more: Set[tuple[str, str]] = frozenset(),
     most: int = MOST_INSTRUCTIONS,
@@ -254,12 +254,12 @@ class _Machine:
         self.stack.append(permitted(module, name, self.more))
 
     def call(self, name: Any, arguments: Any) -> None:
-        made = called(name, arguments)
-        if (made.name.module, made.name.name) in DICTIONARIES:
+        call = called(name, arguments)
+        if (call.name.module, call.name.name) in DICTIONARIES:
             pairs = arguments[0] if arguments and isinstance(arguments[0], list) else []
             self.make_dict([part for pair in pairs for part in pair[:2]])
         else:
-            self.stack.append(made)
+            self.stack.append(call)
 
     def instance(self, module: str, name: str) -> None:
         self.call(permitted(module, name, self.more), tuple(self.since_mark()))
@@ -276,7 +276,7 @@ class _Machine:
     def follow(self, state: dict[str, Any]) -> None:
         """Take the bytes of an array of joblib's from the stream, or the pickle of its objects."""
         if state["dtype"].arguments[0] in OBJECTS:
-            state["content"] = run(self.stream, self.more - {JOBLIB})
+            state["content"] = interpret(self.stream, self.more - {JOBLIB})
             return
         kind, sizes = _dtype(state["dtype"]), sizes_in(state["shape"], "shape")
         if min(sizes, default=0) < 0:
@@ -344,8 +344,8 @@ EFFECTS: dict[str, Callable[[_Machine, Any], None]] = {
 
 
 MOST_ROWS = 10**7  # of a sparse matrix, whose shape takes no bytes in the file
-DEEPEST = 16  # chumpy values inside chumpy values; files have two
-PLAIN = re.compile(r"[biuf]\d{1,2}|[SU]\d{1,4}")  # types of numbers and of short texts
+MOST_NESTED = 16  # chumpy values inside chumpy values; files have two
+PLAIN_TYPE = re.compile(r"[biuf]\d{1,2}|[SU]\d{1,4}")  # types of numbers and of short texts
 NUMERIC = "biuf"  # kinds of what chumpy and scipy compute with
 MOST_RECORDS = 2000  # arrays, matrices and chumpy's values that are looked into; files have sixty
 MOST_ENTRIES = 10_000  # of the dictionary that the file is; files have thirty
@@ -353,7 +353,7 @@ SPARE_BYTES = 2**26  # that the arrays of any file may take, however small it is
 # Further bytes for each byte of the file. A number of one byte becomes a float64 of eight, so that
 # arrays which share no bytes are never refused.
 PER_BYTE = 8
-NUMBER = 8  # bytes of a float64, which all numbers of a body become
+DOUBLE_BYTES = 8  # bytes of a float64, which all numbers of a body become
 
 
 class Allowance:
@@ -372,12 +372,12 @@ class Allowance:
                 "a few dozen; export it again with nothing but the arrays of the body"
             )
 
-    def pay(self, sizes: Iterable[int], itemsize: int = NUMBER) -> None:
+    def pay(self, sizes: Iterable[int], itemsize: int = DOUBLE_BYTES) -> None:
         """For an array of these sizes; a size of 0 counts as 1, for nothing else bounds the rest.
 
         Numbers count as float64, texts as what they take.
         """
-        self.bytes -= prod(max(n, 1) for n in sizes) * max(itemsize, NUMBER)
+        self.bytes -= prod(max(n, 1) for n in sizes) * max(itemsize, DOUBLE_BYTES)
         if self.bytes < 0:
             raise BadFile(
                 f"its arrays would take more than {PER_BYTE} times its own {self.size:,} bytes and "
@@ -407,11 +407,11 @@ class Records:
 
     Attributes:
         allowance: what may still be spent.
-        found: what records were found to mean, by the identity of each.
+        meanings: what records were found to mean, by the identity of each.
     """
 
     allowance: Allowance
-    found: dict[int, Any] = field(default_factory=dict)
+    meanings: dict[int, Any] = field(default_factory=dict)
 
     def meaning(self, value: Any, depth: int = 0) -> Any:
         """The array that a record stands for; other values as they are.
@@ -421,10 +421,11 @@ class Records:
         """
         if not isinstance(value, PickledCall):
             return value
-        if id(value) not in self.found:  # the file's content holds it, so that no other gets its id
+        # the file's content holds the value, so that no other gets its id
+        if id(value) not in self.meanings:
             self.allowance.pay_record()
-            self.found[id(value)] = _meaning(self, value, depth)
-        return self.found[id(value)]
+            self.meanings[id(value)] = _meaning(self, value, depth)
+        return self.meanings[id(value)]
 
     def numbers(self, value: Any, depth: int) -> NDArray[Any]:
         """An array of numbers that another value is made of; lists could be endless."""
@@ -450,75 +451,75 @@ def _read(path: Path, reading: Records, value: Any) -> Any:
         return Unread(f"a {_kind(value)} that cannot be read ({cut(error)})")
 
 
-def _meaning(reading: Records, made: PickledCall, depth: int) -> Any:
-    if depth > DEEPEST:
-        raise ValueError(f"it is nested more than {DEEPEST} deep")
-    where = made.name.module, made.name.name
-    if made.name.module.split(".")[0] == "chumpy":
-        if made.name.name not in CHUMPY:
+def _meaning(reading: Records, call: PickledCall, depth: int) -> Any:
+    if depth > MOST_NESTED:
+        raise ValueError(f"it is nested more than {MOST_NESTED} deep")
+    name = call.name.module, call.name.name
+    if call.name.module.split(".")[0] == "chumpy":
+        if call.name.name not in CHUMPY:
             raise ValueError("chumpy would have to compute it; store its value instead")
-        return CHUMPY[made.name.name](reading, _state(made), depth + 1)
-    if where in SPARSE:
-        return _sparse(reading, made.name.name[:3], _state(made), depth + 1)
-    if where not in MEANINGS:
+        return CHUMPY[call.name.name](reading, _state(call), depth + 1)
+    if name in SPARSE:
+        return _sparse(reading, call.name.name[:3], _state(call), depth + 1)
+    if name not in MEANINGS:
         raise ValueError("it stands for no array")
-    return MEANINGS[where](reading, made)
+    return MEANINGS[name](reading, call)
 
 
 def _kind(value: Any) -> str:
     return str(value.name) if isinstance(value, PickledCall) else type(value).__name__
 
 
-def _state(made: PickledCall) -> dict[str, Any]:
+def _state(call: PickledCall) -> dict[str, Any]:
     """The attributes that an object was pickled with; of several, the first are its own."""
-    state = made.state[0] if isinstance(made.state, tuple) else made.state
+    state = call.state[0] if isinstance(call.state, tuple) else call.state
     if not isinstance(state, dict):
         raise ValueError("its attributes are missing")
     return state
 
 
-def _array(reading: Records, made: PickledCall) -> NDArray[Any]:
+def _array(reading: Records, call: PickledCall) -> NDArray[Any]:
     """An ndarray from its type, shape and bytes; the file's shape allocates nothing."""
-    if made.arguments[:1] != (PickledName("numpy", "ndarray"),):
-        first = made.arguments[:1]
+    if call.arguments[:1] != (PickledName("numpy", "ndarray"),):
+        first = call.arguments[:1]
         named = bool(first) and isinstance(first[0], PickledName)
         raise UnsafePickle(
             f"it makes an array of a kind that is not read: {first[0] if named else shown(first)}"
         )
-    if not (isinstance(made.state, tuple) and 4 <= len(made.state) <= 5):
+    if not (isinstance(call.state, tuple) and 4 <= len(call.state) <= 5):
         raise ValueError("its type, shape and bytes are missing")
-    shape, dtype, fortran, content = made.state[-4:]
+    shape, dtype, fortran, content = call.state[-4:]
     return _shaped(reading, content, dtype, shape, "F" if fortran else "C")
 
 
-def _from_buffer(reading: Records, made: PickledCall) -> NDArray[Any]:
-    content, dtype, shape, order = made.arguments
+def _from_buffer(reading: Records, call: PickledCall) -> NDArray[Any]:
+    content, dtype, shape, order = call.arguments
     return _shaped(reading, content, dtype, shape, order)
 
 
-def _scalar(reading: Records, made: PickledCall) -> Any:
-    dtype, content = made.arguments
+def _scalar(reading: Records, call: PickledCall) -> Any:
+    dtype, content = call.arguments
     return _shaped(reading, content, dtype, (), "C")[()]
 
 
-def _wrapped(reading: Records, made: PickledCall) -> NDArray[Any]:
+def _wrapped(reading: Records, call: PickledCall) -> NDArray[Any]:
     """An array as joblib writes it, whose bytes `_Machine.follow` kept."""
-    state = made.state
+    state = call.state
     return _shaped(reading, state["content"], state["dtype"], state["shape"], state.get("order"))
 
 
 def _shaped(reading: Records, content: Any, dtype: Any, shape: Any, order: Any) -> NDArray[Any]:
-    kind, held = _dtype(dtype), _held(content)
+    numpy_type, raw = _dtype(dtype), _raw_bytes(content)
     sizes = sizes_in(shape, "shape")
     if min(sizes, default=0) < 0:
         raise ValueError("its shape is no tuple of sizes")
-    if prod(sizes) * kind.itemsize != len(held):
+    if prod(sizes) * numpy_type.itemsize != len(raw):
         raise ValueError(
-            f"{shown(sizes)} numbers of {kind.itemsize} bytes, but {len(held):,} bytes"
+            f"{shown(sizes)} numbers of {numpy_type.itemsize} bytes, but {len(raw):,} bytes"
         )
-    reading.allowance.pay(sizes, kind.itemsize)
-    flat = np.frombuffer(held.encode("latin1") if isinstance(held, str) else bytes(held), kind)
-    if kind.kind == "U":
+    reading.allowance.pay(sizes, numpy_type.itemsize)
+    flat = np.frombuffer(raw.encode("latin1") if isinstance(raw, str) else bytes(raw), numpy_type)
+    if numpy_type.kind == "U":
         try:
             check_letters(flat)
         except BadFile as error:  # a text that Python cannot show: this entry is left out
@@ -526,19 +527,19 @@ def _shaped(reading: Records, content: Any, dtype: Any, shape: Any, order: Any) 
     return flat.reshape(sizes, order="F" if order == "F" else "C")
 
 
-def _dtype(made: Any) -> np.dtype[Any]:
-    if not (isinstance(made, PickledCall) and made.name == PickledName("numpy", "dtype")):
+def _dtype(call: Any) -> np.dtype[Any]:
+    if not (isinstance(call, PickledCall) and call.name == PickledName("numpy", "dtype")):
         raise ValueError("its type is no numpy.dtype")
-    code = made.arguments[0]
-    if not (isinstance(code, str) and PLAIN.fullmatch(code)):
+    code = call.arguments[0]
+    if not (isinstance(code, str) and PLAIN_TYPE.fullmatch(code)):
         raise ValueError(f"an array of type {shown(code)}, not of numbers")
-    order = made.state[1] if made.state else "="
+    order = call.state[1] if call.state else "="
     if order not in ("<", ">", "=", "|"):
         raise ValueError(f"byte order {shown(order)}")
     return np.dtype(code if order == "|" else order + code)
 
 
-def _held(content: Any) -> bytes | bytearray | str:
+def _raw_bytes(content: Any) -> bytes | bytearray | str:
     """The bytes of an array, or a text with one byte per character, as Python 2 wrote them."""
     if isinstance(content, PickledCall) and content.name.name == "bytes" and not content.arguments:
         return b""  # of an array without numbers
@@ -556,10 +557,10 @@ def _sparse(reading: Records, kind: str, state: dict[str, Any], depth: int) -> c
     row, column = state.get("row"), state.get("col")
     if "coords" in state:  # what SciPy since 1.13 has for row and col
         row, column = state["coords"]
-    given = {"row": row, "col": column} if kind == "coo" else state
+    places = {"row": row, "col": column} if kind == "coo" else state
     names = ("row", "col") if kind == "coo" else ("indices", "indptr")
     data, *indices = (
-        reading.numbers(part, depth) for part in (state["data"], *(given[n] for n in names))
+        reading.numbers(part, depth) for part in (state["data"], *(places[n] for n in names))
     )
     rows, columns = sizes_in(state["_shape"], "shape", most=2)
     if not 0 <= rows <= MOST_ROWS or not 0 <= columns <= MOST_ROWS:
@@ -573,10 +574,10 @@ def _sparse(reading: Records, kind: str, state: dict[str, Any], depth: int) -> c
 def _select(reading: Records, state: dict[str, Any], depth: int) -> NDArray[Any]:
     """chumpy's Select: some entries of `a`, counted row by row, in a shape of their own."""
     source = reading.numbers(state["a"], depth)
-    which = reading.numbers(state["idxs"], depth)
+    indices = reading.numbers(state["idxs"], depth)
     shape = reading.meaning(state.get("preferred_shape"), depth)
-    reading.allowance.pay((which.size + source.size,))
-    chosen: NDArray[Any] = source.ravel()[which]
+    reading.allowance.pay((indices.size + source.size,))
+    chosen: NDArray[Any] = source.ravel()[indices]
     if shape is None:
         return chosen
     sizes = sizes_in(shape, "shape")
@@ -628,7 +629,7 @@ def from_pointers(
     `indices` if the pointers of one that has none point somewhere in between.
     """
     lines, width = shape if kind == "csr" else shape[::-1]
-    numbers, places, pointers = _own(data), _wholes(indices), _wholes(indptr)
+    numbers, places, pointers = _native(data), _wholes(indices), _wholes(indptr)
     if pointers.shape != (lines + 1,) or numbers.shape != places.shape or places.ndim != 1:
         raise ValueError(
             f"its parts of {data.shape}, {indices.shape} and {indptr.shape} do not fit {shape}"
@@ -643,7 +644,7 @@ def from_places(
     data: NDArray[Any], row: NDArray[Any], column: NDArray[Any], shape: tuple[int, int]
 ) -> csr_array:
     """A matrix stored as entries with their rows and columns. Raises ValueError for bad parts."""
-    numbers, rows, columns = _own(data), _wholes(row), _wholes(column)
+    numbers, rows, columns = _native(data), _wholes(row), _wholes(column)
     if not numbers.shape == rows.shape == columns.shape or numbers.ndim != 1:
         raise ValueError(f"its parts of {data.shape}, {row.shape} and {column.shape} do not fit")
     _check_places(rows, shape[0])
@@ -664,6 +665,6 @@ def _wholes(array: NDArray[Any]) -> Index:
     return array.astype(np.int64)
 
 
-def _own(array: NDArray[Any]) -> NDArray[Any]:
+def _native(array: NDArray[Any]) -> NDArray[Any]:
     """The array in the order of bytes of this machine."""
     return array.astype(array.dtype.newbyteorder("="), copy=False)

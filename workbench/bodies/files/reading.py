@@ -23,7 +23,7 @@ from workbench.bodies.capsules import KEYS
 from workbench.bodies.files.pickles import Contents, Unread, from_pointers, read_pickled_arrays
 from workbench.bodies.readonly import locked
 from workbench.errors import BadFile, cut, shown
-from workbench.reading.arrays import LARGEST, LONGEST_REASON, check_letters, open_arrays, widened
+from workbench.reading.arrays import LONGEST_REASON, MOST_EXACT, check_letters, open_arrays, widened
 
 OBJECTS = (
     "an array of Python objects, which are not read: unpacking them runs code of the file's "
@@ -54,7 +54,7 @@ def read_npz(path: Path) -> Contents:
 
 NPZ = b"PK\x03\x04"
 PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
-OTHERS = (  # how other files begin that people try
+OTHER_FILES = (  # how other files begin that people try
     (b"\x93NUMPY", "a single array (.npy)"),
     (b"\x1f\x8b", "compressed with gzip; decompress it first"),
     *((magic, "an archive; unpack it first") for magic in (b"Rar!", b"7z\xbc\xaf")),
@@ -92,7 +92,7 @@ def _entries(path: Path) -> Contents:
         start = file.read(32)
     if start.startswith(NPZ):
         return read_npz(path)
-    for magic, what in OTHERS:
+    for magic, what in OTHER_FILES:
         if start.lstrip().startswith(magic):
             raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
     if not start.startswith(PICKLES):
@@ -139,7 +139,7 @@ class Entries:
         array = self.array(key)
         if array.dtype.kind == "f":
             array = widened(array)
-            if not ((abs(array) <= LARGEST) & (array == np.trunc(array))).all():
+            if not ((abs(array) <= MOST_EXACT) & (array == np.trunc(array))).all():
                 raise BadFile(f"{self.where}: {key} must hold whole numbers, but holds others")
         return array.astype(np.int64)
 
@@ -225,8 +225,8 @@ REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "ki
 # beside landmarks and the mirror
 OURS = ("bs_style", "name", "joint_names", "card", "bind_pose", "rest_joints")
 MIRROR = "vert_sym_idxs"
-SETS = "landmarks/"  # how the keys of landmarks begin
-LANDMARKS = re.compile(f"{SETS}(.+)/names")
+LANDMARKS_PREFIX = "landmarks/"  # how the keys of landmarks begin
+LANDMARKS = re.compile(f"{LANDMARKS_PREFIX}(.+)/names")
 REGRESSOR_PARTS = tuple(f"J_regressor/{part}" for part in SPARSE_PARTS)
 CAPSULES = tuple(f"capsules/{key}" for key in KEYS)
 # keys that a skinned body's file owns, and those that one of triangles must have
@@ -240,28 +240,28 @@ COMPUTED = {  # what SMPL's own program stores beside a model, and what it follo
     **dict.fromkeys(("v_shaped", "v_posed", "r", "J_transformed"), "the other arrays and a pose"),
     **dict.fromkeys(("pose", "betas", "trans"), "nothing: it is one person's state"),
 }
-KINDS = "biufUS"  # of arrays that are kept: numbers and texts
+KEPT_KINDS = "biufUS"  # of arrays that are kept: numbers and texts
 MOST_ENTRIES = 2**24  # of all sparse matrices kept as full arrays: 128 MB of float64
 
 Kept = dict[str, NDArray[Any]]
 
 
-def sorted_out(raw: Contents, own: Iterable[str]) -> tuple[Kept, list[str]]:
+def kept_and_left_out(raw: Contents, own: Iterable[str]) -> tuple[Kept, list[str]]:
     """The entries that no body computes with: those that are kept, and a sentence on each other.
 
     `own` are the keys that were read; those of sets of landmarks count as well.
     """
     read = set(own)
     for key in raw:
-        if found := LANDMARKS.fullmatch(key):
-            read |= {key, *(f"{SETS}{found[1]}/{part}" for part in SPARSE_PARTS)}
+        if match := LANDMARKS.fullmatch(key):
+            read |= {key, *(f"{LANDMARKS_PREFIX}{match[1]}/{part}" for part in SPARSE_PARTS)}
     kept: Kept = {}
     left_out: list[str] = []
     room = MOST_ENTRIES
     for key in sorted(raw.keys() - read):
         if key in COMPUTED:
             left_out.append(f"{key}, which follows from {COMPUTED[key]}")
-        elif key.startswith(SETS):
+        elif key.startswith(LANDMARKS_PREFIX):
             left_out.append(f"{key}, which belongs to a set of landmarks without names")
         elif (array := _array(raw[key], room)) is not None:
             room -= array.size if isinstance(raw[key], csr_array) else 0
@@ -273,7 +273,7 @@ def sorted_out(raw: Contents, own: Iterable[str]) -> tuple[Kept, list[str]]:
 
 def clashes(extras: Mapping[str, Any], own: Collection[str]) -> list[str]:
     """Keys that would stand for the body's own entries in a file."""
-    return sorted(key for key in extras if key in own or key.startswith(SETS))
+    return sorted(key for key in extras if key in own or key.startswith(LANDMARKS_PREFIX))
 
 
 def shapes_in_words(extras: Mapping[str, NDArray[Any]]) -> str:
@@ -291,7 +291,7 @@ def _array(value: Any, room: int) -> NDArray[Any] | None:
         return np.asarray(value.toarray()) if small else None
     if isinstance(value, (bool, int, float, str, bytes, np.generic)):
         value = np.array(value)
-    if isinstance(value, np.ndarray) and value.dtype.kind in KINDS:
+    if isinstance(value, np.ndarray) and value.dtype.kind in KEPT_KINDS:
         return value
     return None
 

@@ -16,6 +16,7 @@ from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import LONGEST_NAME, SPARSE_PARTS
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.forward.surface import rotation_elements, star_features
+from workbench.bodies.hands import FINGERS
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
@@ -107,9 +108,9 @@ def _pose_spaces(n_joints: int) -> dict[str, NDArray[Any]]:
 
 def _of_triangles(body: TriangleBody) -> dict[str, NDArray[Any]]:
     """The body by the keys of `layouts.py`."""
-    own = {"shapedirs": body.shapedirs, "posedirs": body.posedirs, "near": body.near}
-    own |= _sparse("weights", body.weights) | _sparse("J_regressor", body.J_regressor)
-    return dict(body.extras) | own | _of_every_kind(body, STYLE)
+    arrays = {"shapedirs": body.shapedirs, "posedirs": body.posedirs, "near": body.near}
+    arrays |= _sparse("weights", body.weights) | _sparse("J_regressor", body.J_regressor)
+    return dict(body.extras) | arrays | _of_every_kind(body, STYLE)
 
 
 def _skinned(body: SkinnedBody) -> dict[str, NDArray[Any]]:
@@ -181,7 +182,6 @@ def _card(body: SkinnedBody | TriangleBody) -> str:
         ) from error
 
 
-FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 # smplx's names of vertices of the left side, or the middle: the landmark that each is, and a joint
 SMPLX_VERTICES = {
     "nose": ("nose", "head"),
@@ -206,9 +206,9 @@ def vertex_ids(body: SkinnedBody) -> dict[str, int]:
     root, numbers = body.numeric.skeleton.mean[0], {}
     for name, (landmark, joint) in SMPLX_VERTICES.items():
         for side, letter in (("left", name[0]), ("right", "R" if name[0] == "L" else "r")):
-            known = (landmark, f"{landmark}_tip", joint, "left_hand", "left_wrist")
-            ours = [one.replace("left", side) for one in known]
-            place = next((places[one] for one in ours if one in places), root)
+            candidates = (landmark, f"{landmark}_tip", joint, "left_hand", "left_wrist")
+            keys = [key.replace("left", side) for key in candidates]
+            place = next((places[key] for key in keys if key in places), root)
             away = np.linalg.norm(body.template - place, axis=1)
             numbers["nose" if name == "nose" else letter + name[1:]] = int(away.argmin())
     return numbers

@@ -56,8 +56,8 @@ def _source(
     functions: list[str],
 ) -> str:
     tree = "{" + ", ".join(map(str, parents)) + "}"
-    known = {"PARENTS": tree, "JOINTS": len(parents), "BETAS": B, **sizes}
-    defines = [f"#define {name} {value}" for name, value in known.items()]
+    constants = {"PARENTS": tree, "JOINTS": len(parents), "BETAS": B, **sizes}
+    defines = [f"#define {name} {value}" for name, value in constants.items()]
     loops = source_beside(__package__, file).replace(HERE, "\n".join(functions))
     return "\n".join([head, *defines, loops])
 
@@ -147,15 +147,15 @@ def joint_functions() -> dict[str, cs.Function]:
     turn = rodrigues(pose)
     columns = cs.horzsplit(cs.jacobian(cs.vec(turn), pose))
     turns = [turn, *(cs.reshape(column, 3, 3) for column in columns)]
-    own, *changes = (_square(part) for part in cs.vertsplit(d_local, 9))
+    local, *changes = (_square(part) for part in cs.vertsplit(d_local, 9))
     above_k = _motion(G)[0] @ _square(unbind).T
     axes = []
     for D in changes:
-        skew = D @ own.T
+        skew = D @ local.T
         axes.append(above_k @ cs.vertcat(skew[2, 1], skew[0, 2], skew[1, 0]))
     world = cs.horzcat(*followed(_motion(above), _square(R), place))
     bound = bound_motion(_motion(G), _square(unbind), place)
-    made = (
+    functions = (
         _function("local", _rows(turn), pose=pose),
         _function("d_local", cs.vertcat(*map(_rows, turns)), pose=pose),
         _function("placed", _square(unbind) @ place, unbind=unbind, place=place),
@@ -163,7 +163,7 @@ def joint_functions() -> dict[str, cs.Function]:
         _function("bound", _rows(bound), world=G, unbind=unbind, place=place),
         _function("axes", cs.vertcat(*axes), above=G, unbind=unbind, d_local=d_local),
     )
-    return {function.name(): function for function in made}
+    return {function.name(): function for function in functions}
 
 
 def _function(name: str, output: cs.SX, **inputs: cs.SX) -> cs.Function:

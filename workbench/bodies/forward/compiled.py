@@ -59,19 +59,19 @@ FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 OF_MESH = {"points": 4, "write_jacobian": 9, "vjp": 5}
 OF_JOINTS = {"motions": 5, "derivatives": 5}
 
-TRIED = 11  # vertices: all lanes full at least once, and some that are left over
+N_TRIED = 11  # vertices: all lanes full at least once, and some that are left over
 TRIED_SHARE = 0.1  # of its joints that have a weight on, and posedirs for, each of them
 TRIED_STEP = 1e-3  # of the directions that are tried in single precision
-SMALL = 1e-3  # rad: so near to zero, rotations are series
+NEAR_ZERO = 1e-3  # rad: so near to zero, rotations are series
 
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 
-PACKED = 1024  # vertices at a time, so that packing needs little memory beside the result
+PACKED_AT_ONCE = 1024  # vertices at a time, so that packing needs little memory beside the result
 WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
 SAMPLE = 100_000  # numbers from which a step is guessed
-PIECE = 2**16  # numbers that are compared at a time
+COMPARED_AT_ONCE = 2**16  # numbers that are compared at a time
 
 
 class Packing(NamedTuple):
@@ -87,12 +87,12 @@ class Packing(NamedTuple):
 
     @staticmethod
     def of(body: SkinnedBody) -> Packing:
-        """What takes the least time: directions are stored as they are if the cache holds them."""
+        """The packing that takes the least time: none where a cache holds the directions."""
         arrays = body.shapedirs, body.posedirs
         if 8 * (arrays[0].size + np.count_nonzero(arrays[1])) < WORTH_NARROWING:
             return Packing()
-        whole = whole_step(arrays[0]), whole_step(arrays[1])
-        for steps in (whole, (1.0, 1.0)):
+        whole_steps = whole_step(arrays[0]), whole_step(arrays[1])
+        for steps in (whole_steps, (1.0, 1.0)):
             if all(is_exact(array, step) for array, step in zip(arrays, steps, strict=True)):
                 return Packing(True, steps)
         return Packing()
@@ -108,20 +108,20 @@ class Packing(NamedTuple):
 
 
 def whole_step(array: Array) -> float:
-    """The number of which all entries seem to be whole multiples: the least distance of some."""
+    """The step of which all entries seem to be whole multiples: the smallest gap in a sample."""
     entries = array[array != 0]
-    some = entries[np.linspace(0, entries.size - 1, min(entries.size, SAMPLE)).astype(np.int64)]
-    apart = np.diff(np.unique(np.abs(some)), prepend=0.0)
-    return float(f"{apart.min(initial=1.0):.6g}") or 1.0
+    sample = entries[np.linspace(0, entries.size - 1, min(entries.size, SAMPLE)).astype(np.int64)]
+    distances = np.diff(np.unique(np.abs(sample)), prepend=0.0)
+    return float(f"{distances.min(initial=1.0):.6g}") or 1.0
 
 
 def is_exact(array: Array, step: float) -> bool:
     """Whether single precision times the step gives the numbers of an array, to the bit."""
     packing, flat = Packing(True), array.ravel()
-    pieces = (flat[first : first + PIECE] for first in range(0, flat.size, PIECE))
+    pieces = (flat[i : i + COMPARED_AT_ONCE] for i in range(0, flat.size, COMPARED_AT_ONCE))
     with np.errstate(over="ignore"):  # what is too large becomes infinite, which is not equal
         return all(
-            np.array_equal(packing.stored(some, step) * np.float64(step), some) for some in pieces
+            np.array_equal(packing.stored(part, step) * np.float64(step), part) for part in pieces
         )
 
 
@@ -166,26 +166,26 @@ class PackedVertices:
         shapes = aligned_zeros((groups, 3 * B, lanes), packing.dtype)
         weighted, corrected = np.zeros((groups, K), dtype=bool), np.zeros((groups, K), dtype=bool)
         pieces = []
-        for start in range(0, N, PACKED):
-            some = chosen[start : start + PACKED]
-            here = slice(start // lanes, start // lanes + -(-len(some) // lanes))
-            pieces.append((some, here))
-            of_vertex = np.concatenate([arrays.template[some].T, arrays.weights[some].T])
-            packed[here] = _grouped(of_vertex, lanes)
-            by_beta = arrays.shapedirs[some].transpose(2, 1, 0).reshape(3 * B, len(some))
-            shapes[here] = _grouped(packing.stored(by_beta, shape_step), lanes)
-            weighted[here] = (_grouped(arrays.weights[some].T, lanes) != 0).any(axis=2)
-            which = (arrays.posedirs[some].reshape(len(some), 3, K - 1, 9) != 0).any(axis=(1, 3))
-            corrected[here, 1:] = _grouped(which.T, lanes).any(axis=2)
+        for start in range(0, N, PACKED_AT_ONCE):
+            chunk = chosen[start : start + PACKED_AT_ONCE]
+            rows = slice(start // lanes, start // lanes + -(-len(chunk) // lanes))
+            pieces.append((chunk, rows))
+            of_vertex = np.concatenate([arrays.template[chunk].T, arrays.weights[chunk].T])
+            packed[rows] = _grouped(of_vertex, lanes)
+            by_beta = arrays.shapedirs[chunk].transpose(2, 1, 0).reshape(3 * B, len(chunk))
+            shapes[rows] = _grouped(packing.stored(by_beta, shape_step), lanes)
+            weighted[rows] = (_grouped(arrays.weights[chunk].T, lanes) != 0).any(axis=2)
+            acting = (arrays.posedirs[chunk].reshape(len(chunk), 3, K - 1, 9) != 0).any(axis=(1, 3))
+            corrected[rows, 1:] = _grouped(acting.T, lanes).any(axis=2)
         # Now that their number is known, the directions are written to where they will stay.
         posedirs, end = aligned_zeros((int(corrected.sum()), 27, lanes), packing.dtype), 0
-        for some, here in pieces:
-            by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
-            planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(some))
-            joints = corrected[here, 1:]
-            own = _grouped(planar, lanes).reshape(*joints.shape, 27, lanes)[joints]
-            begin, end = end, end + len(own)
-            posedirs[begin:end] = packing.stored(own, pose_step)
+        for chunk, rows in pieces:
+            by_joint = arrays.posedirs[chunk].reshape(len(chunk), 3, K - 1, 9)
+            planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(chunk))
+            joints = corrected[rows, 1:]
+            directions = _grouped(planar, lanes).reshape(*joints.shape, 27, lanes)[joints]
+            begin, end = end, end + len(directions)
+            posedirs[begin:end] = packing.stored(directions, pose_step)
         moved = weighted @ ancestors(parents) > 0
         return PackedVertices(
             N,
@@ -207,12 +207,12 @@ class PackedVertices:
 
 def _lists(*groups: Mask) -> NDArray[np.intp]:
     """For each group, the joints in each of some masks (groups, K), each list after its length."""
-    found: list[int] = []
+    lists: list[int] = []
     for rows in zip(*groups, strict=True):
         for row in rows:
             joints = np.flatnonzero(row).tolist()
-            found += [len(joints), *joints]
-    return np.array(found, dtype=np.intp)
+            lists += [len(joints), *joints]
+    return np.array(lists, dtype=np.intp)
 
 
 def _grouped(columns: NDArray[Scalar], lanes: int) -> NDArray[Scalar]:
@@ -262,9 +262,9 @@ class CompiledJoints:
         local = matrix_from_vector(bind_pose)
         unbind = world_rotations(local, parents).swapaxes(1, 2)
         arrays = skeleton.mean, skeleton.by_betas, local, unbind
-        self._held = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
-        self._structure = np.array([a.ctypes.data for a in self._held], dtype=np.intp)
-        self._here = address(self._structure)  # the `skeleton_t` of joint.c
+        self._arrays = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
+        self._structure = np.array([a.ctypes.data for a in self._arrays], dtype=np.intp)
+        self._address = address(self._structure)  # the `skeleton_t` of joint.c
         self._motions, self._derivatives = (
             function_of_addresses(loaded, name, count) for name, count in OF_JOINTS.items()
         )
@@ -280,17 +280,17 @@ class CompiledJoints:
 
     def motion(self, motion: JointMotion, betas: Array) -> None:
         """Find the numbers of one motion or several, at betas (..., B)."""
-        plain = np.ascontiguousarray(betas, dtype=np.float64)
+        people = np.ascontiguousarray(betas, dtype=np.float64)
         count = motion.numbers.size // motion.numbers.shape[-1]
-        poses, found = address(motion.pose), address(motion.numbers)
-        self._motions(self._here, poses, address(plain), found, count)
+        poses, numbers = address(motion.pose), address(motion.numbers)
+        self._motions(self._address, poses, address(people), numbers, count)
 
     def derivatives(self, motion: JointMotion, by: MotionDerivatives) -> None:
         """Find the numbers of the derivatives of one motion or several."""
-        poses, moved = (np.ascontiguousarray(a) for a in (motion.pose, motion.numbers))
+        poses, motions = (np.ascontiguousarray(a) for a in (motion.pose, motion.numbers))
         count = by.numbers.size // by.numbers.shape[-1]
-        found = address(by.numbers)
-        self._derivatives(self._here, address(poses), address(moved), found, count)
+        derivatives = address(by.numbers)
+        self._derivatives(self._address, address(poses), address(motions), derivatives, count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,14 +320,14 @@ class CompiledMesh:
 
     def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
         """A function of the library, which is given the addresses of arrays."""
-        self._functions[name](self._here, *(None if a is None else address(a) for a in arrays))
+        self._functions[name](self._address, *(None if a is None else address(a) for a in arrays))
 
     @cached_property
     def _functions(self) -> dict[str, Callable[..., None]]:
         return {n: function_of_addresses(self.library, n, count) for n, count in OF_MESH.items()}
 
     @cached_property
-    def _here(self) -> int:
+    def _address(self) -> int:
         return address(self.packed.structure)
 
 
@@ -342,9 +342,9 @@ class CompiledMeshAt(PointsAtMotion):
     @cached_property
     def points(self) -> Array:
         """The posed vertices before translation, (N, 3) m."""
-        found = np.empty((self.of.packed.count, 3))
-        self.of.run("points", *self._moved, found)
-        return found
+        points = np.empty((self.of.packed.count, 3))
+        self.of.run("points", *self._moved, points)
+        return points
 
     def write_jacobian(
         self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
@@ -356,21 +356,21 @@ class CompiledMeshAt(PointsAtMotion):
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and its copy
         tables = {name: _addresses(target, copied) for name, target in into.items()}
-        found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
-        wanted = factor, *(tables.get(name) for name in ROLES), found
-        self.of.run("write_jacobian", *self._moved, by.numbers, *wanted)
-        if found is not None:
-            self.__dict__["points"] = found  # as if they had been asked for
+        points = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
+        outputs = factor, *(tables.get(name) for name in ROLES), points
+        self.of.run("write_jacobian", *self._moved, by.numbers, *outputs)
+        if points is not None:
+            self.__dict__["points"] = points  # as if they had been asked for
         for array, copy in copied:
             array[...] = copy
 
     def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
         """The gradients of cotangent (N, 3) . points by G, the features and betas."""
         (K, B), features = self.of.packed.sizes, self.motion.features.size
-        plain = np.ascontiguousarray(cotangent, dtype=np.float64)
-        found = np.empty(B + features + 12 * K)
-        self.of.run("vjp", *self._moved, plain, found)
-        on_betas, on_features, on_G = np.split(found, [B, B + features])
+        upstream = np.ascontiguousarray(cotangent, dtype=np.float64)
+        gradients = np.empty(B + features + 12 * K)
+        self.of.run("vjp", *self._moved, upstream, gradients)
+        on_betas, on_features, on_G = np.split(gradients, [B, B + features])
         shape, pose = self.of.packed.steps
         return on_G.reshape(K, 3, 4), pose * on_features, shape * on_betas
 
@@ -399,30 +399,30 @@ def _mesh_agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, single: 
     """Whether the library says what NumPy says, about a few random vertices."""
     rng, K = np.random.default_rng(0), len(parents)
     packing = Packing(True, (TRIED_STEP, TRIED_STEP)) if single else Packing()
-    corrected = rng.random((TRIED, 1, K - 1, 1)) < TRIED_SHARE
-    posedirs = (rng.standard_normal((TRIED, 3, K - 1, 9)) * corrected).reshape(
-        TRIED, 3, 9 * (K - 1)
+    corrected = rng.random((N_TRIED, 1, K - 1, 1)) < TRIED_SHARE
+    posedirs = (rng.standard_normal((N_TRIED, 3, K - 1, 9)) * corrected).reshape(
+        N_TRIED, 3, 9 * (K - 1)
     )
     shapedirs, posedirs = (
         packing.stored(array, step) * np.float64(step)
         for array, step in zip(
-            (rng.standard_normal((TRIED, 3, B)), posedirs), packing.steps, strict=True
+            (rng.standard_normal((N_TRIED, 3, B)), posedirs), packing.steps, strict=True
         )
     )
-    weights = rng.standard_normal((TRIED, K)) * (rng.random((TRIED, K)) < TRIED_SHARE)
-    template = rng.standard_normal((TRIED, 3))
-    made = {"template": template, "shapedirs": shapedirs, "posedirs": posedirs, "weights": weights}
-    arrays = cast("SkinnedBody", SimpleNamespace(**made))  # as far as it is read
+    weights = rng.standard_normal((N_TRIED, K)) * (rng.random((N_TRIED, K)) < TRIED_SHARE)
+    template = rng.standard_normal((N_TRIED, 3))
+    parts = {"template": template, "shapedirs": shapedirs, "posedirs": posedirs, "weights": weights}
+    arrays = cast("SkinnedBody", SimpleNamespace(**parts))  # as far as it is read
     kinematics, pose, betas = _random_kinematics(parents, B)
-    motion, scale = kinematics.motion(pose, betas), rng.standard_normal(3 * TRIED)
+    motion, scale = kinematics.motion(pose, betas), rng.standard_normal(3 * N_TRIED)
 
     def answers(mesh: NumpyMesh | CompiledMesh) -> list[Array]:
         sizes = {"pose": 3 * K, "betas": B, "trans": 3}
-        into = {name: np.zeros((size, 3 * TRIED)) for name, size in sizes.items()}
-        here = mesh.at(motion, betas)
-        here.write_jacobian(motion.derivatives, into, scale)
-        gradients = here.vjp(scale.reshape(-1, 3))
-        return [here.points, mesh.at(motion, betas).points, *into.values(), *gradients]
+        into = {name: np.zeros((size, 3 * N_TRIED)) for name, size in sizes.items()}
+        posed = mesh.at(motion, betas)
+        posed.write_jacobian(motion.derivatives, into, scale)
+        gradients = posed.vjp(scale.reshape(-1, 3))
+        return [posed.points, mesh.at(motion, betas).points, *into.values(), *gradients]
 
     packed = PackedVertices.of(arrays, parents, slice(None), int(loaded.lanes()), packing)
     in_numpy = NumpyMesh(chunks_of(arrays, slice(None)), parents)
@@ -432,25 +432,25 @@ def _mesh_agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, single: 
 def _joints_agree(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
     """Whether the library says what NumPy says, at two random poses of a random skeleton."""
     in_numpy, pose, betas = _random_kinematics(parents, B)
-    own = CompiledJoints(loaded, in_numpy.skeleton, pose[::-1], parents)
-    in_c = Kinematics(in_numpy.skeleton, pose[::-1], parents, own)
+    joints = CompiledJoints(loaded, in_numpy.skeleton, pose[::-1], parents)
+    in_c = Kinematics(in_numpy.skeleton, pose[::-1], parents, joints)
     poses, people = np.array([pose[::-1], pose]), np.array([-betas, betas])
     motions = in_c.motion(poses, people), in_numpy.motion(poses, people)
-    found, expected = ([motion.numbers, motion.derivatives.numbers] for motion in motions)
-    return _agree(found, expected)
+    compiled, expected = ([motion.numbers, motion.derivatives.numbers] for motion in motions)
+    return _agree(compiled, expected)
 
 
 def _random_kinematics(parents: tuple[int, ...], B: int) -> tuple[Kinematics, Array, Array]:
     """Kinematics of a random skeleton by NumPy, bound in a pose; a pose (K, 3) and betas (B,)."""
     rng, K = np.random.default_rng(1), len(parents)
     pose = rng.standard_normal((K, 3))
-    pose[-1] *= SMALL
+    pose[-1] *= NEAR_ZERO
     skeleton = Skeleton(rng.standard_normal((K, 3)), rng.standard_normal((K, 3, B)))
     return Kinematics(skeleton, pose[::-1], parents), pose, rng.standard_normal(B)
 
 
-def _agree(found: Sequence[Array], expected: Sequence[Array]) -> bool:
+def _agree(compiled: Sequence[Array], expected: Sequence[Array]) -> bool:
     return all(
         np.allclose(a, b, rtol=0, atol=1e-12 * (1 + np.abs(b).max(initial=0)))
-        for a, b in zip(found, expected, strict=True)
+        for a, b in zip(compiled, expected, strict=True)
     )

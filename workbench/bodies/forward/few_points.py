@@ -69,8 +69,8 @@ class RestPoints:
     @staticmethod
     def of(body: SkinnedBody, vertices: Sequence[int], regressor: csr_array) -> RestPoints:
         """The rest points of landmarks, by a regressor (L, n) of the numbered vertices."""
-        r, some = regressor.toarray(), list(vertices)
-        mixed = np.einsum("li,ij->lji", r, body.weights[some])  # (L, K, n)
+        r, rows = regressor.toarray(), list(vertices)
+        mixed = np.einsum("li,ij->lji", r, body.weights[rows])  # (L, K, n)
         landmark, joint = np.nonzero(abs(mixed).sum(axis=2))
         # a landmark without weight still has a place
         empty = np.setdiff1d(np.arange(len(r)), landmark)
@@ -83,14 +83,14 @@ class RestPoints:
             planar = np.tensordot(A, arrays, axes=(1, 0)).transpose(2, 1, 0)
             return np.ascontiguousarray(planar).reshape(-1, 3 * len(A))
 
-        posedirs = summed(body.posedirs[some])
+        posedirs = summed(body.posedirs[rows])
         used = np.flatnonzero(abs(posedirs).max(axis=1, initial=0))
         return RestPoints(
             joint,
             np.searchsorted(landmark, np.arange(len(r))),
             used,
-            summed(body.template[some][:, :, None])[0],
-            summed(body.shapedirs[some]),
+            summed(body.template[rows][:, :, None])[0],
+            summed(body.shapedirs[rows]),
             np.ascontiguousarray(posedirs[used]),
             A.sum(axis=1),
         )
@@ -139,8 +139,8 @@ class RestPoints:
         if offsets is not None:
             displaced = csc_array((self.mass, (self.landmark, np.arange(P))), shape=(L, P))
             rest = rest + offsets @ sparse_constant(displaced)
-        own = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
-        moved = blend_points(rest, cs.DM(self.mass), G, sparse_constant(own))
+        by_joint = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
+        moved = blend_points(rest, cs.DM(self.mass), G, sparse_constant(by_joint))
         edges = np.append(self.first, P)
         means = csc_array((np.ones(P), np.arange(P), edges), shape=(P, L))
         return moved @ sparse_constant(means)
@@ -160,8 +160,8 @@ class LandmarkPoints:
     @staticmethod
     def of_joints(skeleton: Skeleton, ancestors: Array) -> LandmarkPoints:
         """The posed joints of a body."""
-        each = np.arange(len(ancestors))
-        points = RestPoints.rigid(each, skeleton.mean, skeleton.by_betas)
+        joints = np.arange(len(ancestors))
+        points = RestPoints.rigid(joints, skeleton.mean, skeleton.by_betas)
         return LandmarkPoints(points, ancestors, joints=True)
 
     def at(
@@ -203,10 +203,10 @@ class LandmarkPoints:
 
         Zero where a landmark has no rest point on a joint.
         """
-        points, (*some, r, _) = self.rest_points, of_rest_points.shape
-        found = np.zeros((*some, len(self.ancestors), r, len(points.first)))
-        found[..., points.joint, :, points.landmark] = np.moveaxis(of_rest_points, -1, 0)
-        return found
+        points, (*batch, r, _) = self.rest_points, of_rest_points.shape
+        sorted_numbers = np.zeros((*batch, len(self.ancestors), r, len(points.first)))
+        sorted_numbers[..., points.joint, :, points.landmark] = np.moveaxis(of_rest_points, -1, 0)
+        return sorted_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,8 +239,8 @@ class LandmarkPointsAt(PointsAtMotion):
     @cached_property
     def G(self) -> Array:
         """The motion of each rest point's joint, (..., 3, 4, P)."""
-        each = self.motion.G[..., self.of.rest_points.joint, :, :]
-        return np.ascontiguousarray(np.moveaxis(each, -3, -1))
+        motions = self.motion.G[..., self.of.rest_points.joint, :, :]
+        return np.ascontiguousarray(np.moveaxis(motions, -3, -1))
 
     @cached_property
     def moved(self) -> Array:
@@ -268,10 +268,10 @@ class LandmarkPointsAt(PointsAtMotion):
         if role == "trans":
             return _by_trans(L)
         if role == "offsets":
-            each, turned = np.arange(L), np.moveaxis(self._blended, -1, 0).swapaxes(-1, -2)
-            found = np.zeros((*self._blended.shape[:-3], L, 3, L, 3))
-            found[..., each, :, each, :] = turned
-            return found.reshape(*found.shape[:-4], 3 * L, 3 * L)
+            landmarks, turned = np.arange(L), np.moveaxis(self._blended, -1, 0).swapaxes(-1, -2)
+            blocks = np.zeros((*self._blended.shape[:-3], L, 3, L, 3))
+            blocks[..., landmarks, :, landmarks, :] = turned
+            return blocks.reshape(*blocks.shape[:-4], 3 * L, 3 * L)
         planar = self._by_pose(by) if role == "pose" else self._by_betas(by)
         return planar.swapaxes(-1, -2).reshape(*planar.shape[:-2], 3 * L)
 
@@ -298,31 +298,31 @@ class LandmarkPointsAt(PointsAtMotion):
 
     def _by_pose(self, by: MotionDerivatives) -> Array:
         """The transposed derivative of the landmarks by the pose, (..., 3 K, 3, L)."""
-        of, (*some, K, _, _) = self.of, self.motion.G.shape
+        of, (*batch, K, _, _) = self.of, self.motion.G.shape
         t = self.motion.joints
         if of.joints:
             below = t.swapaxes(-1, -2)[..., None, :, :] - t[..., None]  # (K, 3, K): from k to j
             below *= of.ancestors.T[:, None]
         else:
             placed = of.on_joints(self.moved)
-            below = (of.ancestors.T @ placed.reshape(*some, K, -1)).reshape(placed.shape)
+            below = (of.ancestors.T @ placed.reshape(*batch, K, -1)).reshape(placed.shape)
             below -= of.mass_below * t[..., None]
-        found: Array = np.matmul(by.turns, below).reshape(*some, K, 3, 3, -1)
+        derivative: Array = np.matmul(by.turns, below).reshape(*batch, K, 3, 3, -1)
         joints, posedirs = of.corrected
         if U := len(joints):
             d_features = by.d_features[..., joints, :, :].swapaxes(-1, -2)
             d_rest = np.matmul(d_features, posedirs)  # (U, 3, 3 P)
-            turned = self._turned(d_rest.reshape(*some, 3 * U, -1))
-            found[..., joints, :, :, :] += turned.reshape(*some, U, 3, 3, -1)
-        return found.reshape(*some, 3 * K, 3, -1)
+            turned = self._turned(d_rest.reshape(*batch, 3 * U, -1))
+            derivative[..., joints, :, :, :] += turned.reshape(*batch, U, 3, 3, -1)
+        return derivative.reshape(*batch, 3 * K, 3, -1)
 
     def _by_betas(self, by: MotionDerivatives) -> Array:
         """The transposed derivative of the landmarks by betas, (..., B, 3, L)."""
         of, points = self.of, self.of.rest_points
         turned = self.motion.G[..., points.joint, :, :3] @ of.by_betas  # (P, 3, B)
-        own = turned if of.joints else np.add.reduceat(turned, points.first, axis=-3)
+        moved = turned if of.joints else np.add.reduceat(turned, points.first, axis=-3)
         shift = by.d_shift if of.joints else of.mass.T @ by.d_shift  # (B, L, 3)
-        return np.asarray(shift.swapaxes(-1, -2) + own.swapaxes(-1, -3))
+        return np.asarray(shift.swapaxes(-1, -2) + moved.swapaxes(-1, -3))
 
     def _turned(self, rest: Array) -> Array:
         """What changes of the rest points (..., r, 3 P) do to the landmarks, (..., r, 3, L)."""

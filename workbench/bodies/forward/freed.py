@@ -56,7 +56,7 @@ class FreedSurface(NumericPoints):
         return tuple(self.names.values())
 
     @cached_property
-    def own(self) -> dict[str, str]:
+    def own_names(self) -> dict[str, str]:
         """The names of the blocks in the body, by their names in the problem."""
         return {block: own for own, block in self.names.items()}
 
@@ -65,16 +65,16 @@ class FreedSurface(NumericPoints):
 
         It is that at random values of all blocks, at which no other entry is zero.
         """
-        own = self.own[name]
-        if own in BLOCKS or ("J_regressor" in self.names and own in ("template", "shapedirs")):
+        array = self.own_names[name]
+        if array in BLOCKS or ("J_regressor" in self.names and array in ("template", "shapedirs")):
             return None
-        if "weights" in self.names and own in ("joints", "J_regressor"):
+        if "weights" in self.names and array in ("joints", "J_regressor"):
             return None
-        found = self._anywhere.jacobian(name)
-        return csc_array((np.ones(found.nnz), found.indices, found.indptr), shape=found.shape)
+        J = self._at_random.jacobian(name)
+        return csc_array((np.ones(J.nnz), J.indices, J.indptr), shape=J.shape)
 
     @cached_property
-    def _anywhere(self) -> FreedSurfaceAt:
+    def _at_random(self) -> FreedSurfaceAt:
         rng, (K, _, B) = np.random.default_rng(0), self.kinematics.skeleton.by_betas.shape
         shapes = {"pose": (K, 3), "betas": (B,), "trans": (3,), "joints": (K, 3)}
         return self.evaluate(
@@ -86,9 +86,9 @@ class FreedSurface(NumericPoints):
 
     def evaluate(self, values: Mapping[str, Array]) -> FreedSurfaceAt:
         """The vertices where the blocks have these values."""
-        found = {own: values[block] for own, block in self.names.items()}
-        pose, betas, trans = (found.pop(name) for name in BLOCKS)
-        return FreedSurfaceAt(self, found, pose, betas, trans)
+        arrays = {own: values[block] for own, block in self.names.items()}
+        pose, betas, trans = (arrays.pop(name) for name in BLOCKS)
+        return FreedSurfaceAt(self, arrays, pose, betas, trans)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,14 +135,14 @@ class FreedSurfaceAt(PointsAt):
         """j: the joints at rest, (K, 3) m."""
         if "joints" in self.arrays:
             return self.arrays["joints"]
-        given = self.of.body.rest_joints
-        return np.asarray(self._regressor @ self.person) if given is None else given
+        fixed = self.of.body.rest_joints
+        return np.asarray(self._regressor @ self.person) if fixed is None else fixed
 
     @cached_property
     def shifts(self) -> Array:
         """The last column of each joint's motion, (K, 3) m."""
-        own = (self.levers @ self.joints[:, :, None])[:, :, 0]
-        return np.asarray(self.of.kinematics.ancestors @ own)
+        steps = (self.levers @ self.joints[:, :, None])[:, :, 0]
+        return np.asarray(self.of.kinematics.ancestors @ steps)
 
     @cached_property
     def weights(self) -> Array:
@@ -182,7 +182,7 @@ class FreedSurfaceAt(PointsAt):
 
         Rows are x, y, z of vertex after vertex, and columns the block's numbers in NumPy's order.
         """
-        return self._made[self.of.own[name]]()
+        return self._jacobians[self.of.own_names[name]]()
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the transposed derivative into[block] (size, 3 n)."""
@@ -194,7 +194,7 @@ class FreedSurfaceAt(PointsAt):
         return {name: self.jacobian(name).T @ cotangent for name in self.of.reads}
 
     @property
-    def _made(self) -> dict[str, Callable[[], csc_array]]:
+    def _jacobians(self) -> dict[str, Callable[[], csc_array]]:
         return {
             "pose": self._by_pose,
             "betas": self._by_betas,
@@ -269,5 +269,5 @@ class FreedSurfaceAt(PointsAt):
         return self.of.body.J_regressor
 
     def _array(self, name: str) -> Array:
-        found: Array = self.arrays[name] if name in self.arrays else getattr(self.of.body, name)
-        return found
+        array: Array = self.arrays[name] if name in self.arrays else getattr(self.of.body, name)
+        return array

@@ -68,12 +68,12 @@ def bones_of(joints: Matrix, R_bind: Matrix, parents: Sequence[int]) -> list[Mat
 
     For a T-pose at rest (bind pose zero) simply j_k - j_parent(k).
     """
-    at = cs.horzsplit(joints, 1)
+    places = cs.horzsplit(joints, 1)
     world = [cs.horzsplit(R_bind, 3)[0]]
-    bones = [at[0]]
+    bones = [places[0]]
     for k, parent in enumerate(parents[1:], start=1):
         world.append(world[parent] @ cs.horzsplit(R_bind, 3)[k])
-        bones.append(world[parent].T @ (at[k] - at[parent]))
+        bones.append(world[parent].T @ (places[k] - places[parent]))
     return bones
 
 

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
 
 CHUNK = 512  # vertices: measured, and flat from there on
-TOGETHER = 96  # bodies in one matrix product, half of 192 walkers: measured, flat from 32 on
-WIDE = 12, 3, 3  # numbers a vertex: blended motion, rest, moved
+BODIES_AT_ONCE = 96  # bodies in one matrix product, half of 192 walkers: measured, flat from 32 on
+WIDTHS = 12, 3, 3  # numbers a vertex: blended motion, rest, moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,8 @@ class VertexChunk:
 
     def rest(self, betas: Array, features: Array) -> Array:
         """T + S betas + P f, (..., 3, n), for betas (..., B) and features (..., 9 (K - 1))."""
-        one = np.ones((*betas.shape[:-1], 1))
-        along = np.concatenate([one, betas, features[..., self.used]], axis=-1)
+        ones = np.ones((*betas.shape[:-1], 1))
+        along = np.concatenate([ones, betas, features[..., self.used]], axis=-1)
         flat = along @ self.directions  # in one product, which reads memory in order
         return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
 
@@ -132,12 +132,12 @@ class NumpyMeshAt(PointsAtMotion):
     def points(self) -> Array:
         """The posed vertices before translation, (N, 3) m."""
         chunks = self.of.chunks
-        found = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
+        points = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
         for chunk in chunks:
             M = chunk.blended(self.motion)
             moved = np.einsum("dcn,cn->dn", M[:, :3], self._rest_of(chunk)) + M[:, 3]
-            found[chunk.rows] = moved.T
-        return found
+            points[chunk.rows] = moved.T
+        return points
 
     def write_jacobian(
         self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
@@ -190,28 +190,28 @@ def batch_points(chunks: list[VertexChunk], motions: JointMotion, betas: Array) 
     Before translation, by matrix products over many of them at a time.
     """
     G, features = motions.G, motions.features
-    found = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
+    points = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
     widest = max((chunk.weights.shape[1] for chunk in chunks), default=0)
     # memory that is used again: new pages for every product would cost half as much as it
-    buffers = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
+    buffers = [np.empty(min(BODIES_AT_ONCE, len(G)) * wide * widest) for wide in WIDTHS]
     along = np.concatenate([np.ones((len(G), 1)), betas, features], axis=1)
     ahead = np.arange(1 + betas.shape[1])  # of the features
-    for first in range(0, len(G), TOGETHER):
-        some = slice(first, first + TOGETHER)
-        turned = G[some].transpose(0, 2, 3, 1).reshape(-1, G.shape[1])  # (12 m, K)
+    for first in range(0, len(G), BODIES_AT_ONCE):
+        bodies = slice(first, first + BODIES_AT_ONCE)
+        turned = G[bodies].transpose(0, 2, 3, 1).reshape(-1, G.shape[1])  # (12 m, K)
         m = len(turned) // 12
         for chunk in chunks:
             n = chunk.weights.shape[1]
-            parts = (buffer[: m * wide * n] for buffer, wide in zip(buffers, WIDE, strict=True))
+            parts = (buffer[: m * wide * n] for buffer, wide in zip(buffers, WIDTHS, strict=True))
             M, rest, moved = (part.reshape(m, -1, n) for part in parts)
             np.matmul(turned, chunk.weights, out=M.reshape(12 * m, n))
-            taken = along[some][:, np.append(ahead, len(ahead) + chunk.used)]
-            np.matmul(taken, chunk.directions, out=rest.reshape(m, 3 * n))
+            coefficients = along[bodies][:, np.append(ahead, len(ahead) + chunk.used)]
+            np.matmul(coefficients, chunk.directions, out=rest.reshape(m, 3 * n))
             blended = M.reshape(m, 3, 4, n)
             np.einsum("mdcn,mcn->mdn", blended[:, :, :3], rest, out=moved)
             moved += blended[:, :, 3]
-            found[some, chunk.rows] = moved.transpose(0, 2, 1)
-    return found
+            points[bodies, chunk.rows] = moved.transpose(0, 2, 1)
+    return points
 
 
 def _below(chunk: VertexChunk, rest: Array, motion: JointMotion, parents: tuple[int, ...]) -> Array:
@@ -231,22 +231,22 @@ def _below(chunk: VertexChunk, rest: Array, motion: JointMotion, parents: tuple[
 def _by_pose(chunk: VertexChunk, below: Array, R: Array, by: MotionDerivatives) -> Array:
     """The transposed derivative of n vertices by the pose, (3 K, 3, n)."""
     K, n = chunk.weights.shape
-    out: Array = np.matmul(by.turns, below).reshape(3 * K, 3, n)
+    planar: Array = np.matmul(by.turns, below).reshape(3 * K, 3, n)
     if U := len(chunk.corrected):
         d_features = by.d_features[chunk.corrected].swapaxes(1, 2)
         d_rest = np.matmul(d_features, chunk.posedirs.reshape(U, 9, 3 * n))
         turned = np.einsum("dcn,kcn->kdn", R, d_rest.reshape(3 * U, 3, n))
-        out.reshape(K, 3, 3, n)[chunk.corrected] += turned.reshape(U, 3, 3, n)
-    return out
+        planar.reshape(K, 3, 3, n)[chunk.corrected] += turned.reshape(U, 3, 3, n)
+    return planar
 
 
 def _by_betas(chunk: VertexChunk, R: Array, by: MotionDerivatives) -> Array:
     """The transposed derivative of n vertices by betas, (B, 3, n)."""
     B, n = len(chunk.shapedirs), chunk.weights.shape[1]
     d_shift = by.d_shift.swapaxes(1, 2).reshape(3 * B, len(chunk.weights))
-    out: Array = (d_shift @ chunk.weights).reshape(B, 3, n)
-    out += np.einsum("dcn,kcn->kdn", R, chunk.shapedirs.reshape(B, 3, n))  # along n: in one pass
-    return out
+    planar: Array = (d_shift @ chunk.weights).reshape(B, 3, n)
+    planar += np.einsum("dcn,kcn->kdn", R, chunk.shapedirs.reshape(B, 3, n))  # along n: in one pass
+    return planar
 
 
 def _write(into: RowTarget, columns: slice, values: Array, factor: Array | None) -> None:
@@ -254,8 +254,8 @@ def _write(into: RowTarget, columns: slice, values: Array, factor: Array | None)
     if factor is not None:
         values *= factor
     if isinstance(into, Rows):
-        there, values = into.array[:, columns], values[into.rows]
+        target, values = into.array[:, columns], values[into.rows]
     else:
-        there = into[:, columns]
+        target = into[:, columns]
     for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
-        there[:, d::3] = values[:, d]
+        target[:, d::3] = values[:, d]

@@ -171,10 +171,10 @@ class Kinematics:
         self.bound = world_rotations(self.bind, parents)
         self._up = np.maximum(parents, 0)  # the root's is not used
         self._bound_above = np.concatenate([np.eye(3)[None], self.bound[self._up[1:]]])
-        at = np.concatenate([skeleton.mean[:, :, None], skeleton.by_betas], axis=2)
-        bones = at.copy()  # each joint in its parent's frame, as an affine function of betas
-        bones[1:] = self._bound_above[1:].swapaxes(1, 2) @ (at[1:] - at[self._up[1:]])
-        self._rest = np.concatenate([at, bones]).reshape(6 * K, 1 + B).T.copy()
+        places = np.concatenate([skeleton.mean[:, :, None], skeleton.by_betas], axis=2)
+        bones = places.copy()  # each joint in its parent's frame, as an affine function of betas
+        bones[1:] = self._bound_above[1:].swapaxes(1, 2) @ (places[1:] - places[self._up[1:]])
+        self._rest = np.concatenate([places, bones]).reshape(6 * K, 1 + B).T.copy()
         up = np.append(np.array(self.parents) % (K + 1), K)  # K: the world, which is its own parent
         self._jumps = []  # to the ancestor 1, 2, 4 and so on generations above
         while (up < K).any():
@@ -199,11 +199,11 @@ class Kinematics:
         Raises ValueError for arrays of other sizes.
         """
         K, _, B = self.skeleton.by_betas.shape
-        some = betas.shape[:-1]
+        batch = betas.shape[:-1]
         if betas.shape[-1] != B:
             raise ValueError(f"there are {B} betas, not {betas.shape[-1]}")
-        theta = np.array(pose, dtype=np.float64, order="C").reshape(*some, K, 3)  # kept
-        motion = JointMotion(self, theta, np.empty((*some, 24 * K - 9)))
+        theta = np.array(pose, dtype=np.float64, order="C").reshape(*batch, K, 3)  # kept
+        motion = JointMotion(self, theta, np.empty((*batch, 24 * K - 9)))
         if self._compiled is not None:
             self._compiled.motion(motion, betas)
         else:
@@ -221,31 +221,31 @@ class Kinematics:
         return by
 
     def _move(self, motion: JointMotion, betas: Array) -> None:
-        K, some = len(self.parents), betas.shape[:-1]
+        K, batch = len(self.parents), betas.shape[:-1]
         R = matrix_from_vector(motion.pose)
-        rest = (self._rest[0] + betas @ self._rest[1:]).reshape(*some, 2, K, 3)
-        world = np.zeros((*some, K + 1, 4, 4))
+        rest = (self._rest[0] + betas @ self._rest[1:]).reshape(*batch, 2, K, 3)
+        world = np.zeros((*batch, K + 1, 4, 4))
         world[..., :K, :3, :3], world[..., :K, :3, 3] = R, rest[..., 1, :, :]
         world[..., 3, 3], world[..., K, :3, :3] = 1, np.eye(3)
         for up in self._jumps:  # each motion is from 1, 2, 4 and so on generations above
             world = world.take(up, axis=-3) @ world
         world = world[..., :K, :3, :]
-        motion.features[...] = (R - self.bind)[..., 1:, :, :].reshape(*some, 9 * (K - 1))
+        motion.features[...] = (R - self.bind)[..., 1:, :, :].reshape(*batch, 9 * (K - 1))
         motion.joints[...] = world[..., 3]
         turn = np.matmul(world[..., :3], self.bound.swapaxes(1, 2), out=motion.G[..., :3])
         motion.G[..., 3] = motion.joints - (turn @ rest[..., 0, :, :, None])[..., 0]
 
     def _derive(self, motion: JointMotion, by: MotionDerivatives) -> None:
-        (K, _, B), some = self.skeleton.by_betas.shape, motion.pose.shape[:-2]
+        (K, _, B), batch = self.skeleton.by_betas.shape, motion.pose.shape[:-2]
         turn = motion.G[..., :3]
         above = turn[..., self._up, :, :]
         above[..., 0, :, :] = np.eye(3)
         L = left_jacobian(motion.pose)
         by.axes[...] = (above @ self._bound_above @ L).swapaxes(-1, -2)
-        R = motion.features.reshape(*some, K - 1, 1, 3, 3) + self.bind[1:, None]
+        R = motion.features.reshape(*batch, K - 1, 1, 3, 3) + self.bind[1:, None]
         turned = crossed(L[..., 1:, :, :].swapaxes(-1, -2)) @ R  # (..., K - 1, a, 3, 3)
         by.d_features[..., 0, :, :] = 0
-        by.d_features[..., 1:, :, :] = turned.reshape(*some, K - 1, 3, 9).swapaxes(-1, -2)
-        own = ((above - turn) @ self.skeleton.by_betas).reshape(*some, K, 3 * B)
-        shift = (self.ancestors @ own).reshape(*some, K, 3, B)
+        by.d_features[..., 1:, :, :] = turned.reshape(*batch, K - 1, 3, 9).swapaxes(-1, -2)
+        changes = ((above - turn) @ self.skeleton.by_betas).reshape(*batch, K, 3 * B)
+        shift = (self.ancestors @ changes).reshape(*batch, K, 3, B)
         by.d_shift[...] = shift.swapaxes(-1, -3).swapaxes(-1, -2)

@@ -4,8 +4,8 @@ Arithmetic knows a pose, betas, a translation and perhaps offsets (`BodyPoints`)
 blocks by the names that it gives them, of which these arguments are affine maps. `BlockPoints`
 stands between the two.
 
-Where the arguments are whole blocks, derivatives are written where they belong. Otherwise they are
-written aside, and matrix products carry them on to the blocks.
+Where the arguments are whole blocks, derivatives are written where they belong. Otherwise the
+derivatives by the arguments are computed first, and multiplied by those of the affine maps.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks.affine import Affine, filled
+from workbench.blocks.affine import Affine, fast_to_multiply
 from workbench.blocks.points import LoopedPoints, NumericPoints, PointsAt, PointsOfEach
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Those `rows` of a matrix of `count` rows that are wanted, and an array for them."""
+    """Where some `rows` of a matrix of `count` rows are written: into `array`, in their order."""
 
     count: int
     rows: Index
     array: Array
 
     def __len__(self) -> int:
-        """The number of rows, including those that are not wanted."""
+        """The number of rows of the whole matrix."""
         return self.count
 
 
 RowTarget = Array | Rows  # where rows are written: all, or some
 
 
-def write(into: RowTarget, found: Array, scale: Array | float | None) -> None:
-    """Write the rows that are wanted, out of an array of all rows, each column times its scale."""
+def write(into: RowTarget, rows: Array, scale: Array | float | None) -> None:
+    """Write all `rows` of a matrix or some, as `into` says, each column times its scale."""
     factor = 1.0 if scale is None else scale
     if isinstance(into, Rows):
-        into.array[...] = found[into.rows] * factor
+        into.array[...] = rows[into.rows] * factor
     else:
-        np.multiply(found, factor, out=into)
+        np.multiply(rows, factor, out=into)
 
 
 ROLES = ("pose", "betas", "trans", "offsets")
@@ -87,7 +87,7 @@ class BodyPoints(ABC):
         self, poses: Array, betas: Array, trans: Array, *offsets: Array
     ) -> Sequence[BodyPointsAt]:
         """The points at each of M sets of arguments, (M, K, 3) rad, (M, B) and so on."""
-        return [self.evaluate(*one) for one in zip(poses, betas, trans, *offsets, strict=True)]
+        return [self.evaluate(*each) for each in zip(poses, betas, trans, *offsets, strict=True)]
 
     def together(self, names: Mapping[str, str], *arguments: Array) -> PointsOfEach | None:
         """The same by arithmetic on all of them; None where it takes one at a time.
@@ -105,21 +105,20 @@ class BodyPoints(ABC):
 class BlockPoints(NumericPoints):
     """Points on a body whose arguments are affine maps of a problem's blocks.
 
-    `wanted` has the entries by which derivatives are taken of those blocks that
-    are free in part; of all others they are taken by every entry.
+    Of a block in `wanted`, derivatives are taken by these entries alone, and otherwise by all.
     """
 
     points: BodyPoints
     maps: Maps
     wanted: Mapping[str, Index] = field(default_factory=dict)
-    _aside: dict[tuple[str, ...], dict[str, AsideRows]] = field(
+    _chains: dict[tuple[str, ...], dict[str, ArgumentRows]] = field(
         default_factory=dict, init=False, repr=False
     )
 
     @cached_property
     def reads(self) -> tuple[str, ...]:
         """The names of the blocks."""
-        return tuple(dict.fromkeys(name for one in self.maps for name in one.reads))
+        return tuple(dict.fromkeys(name for part in self.maps for name in part.reads))
 
     @cached_property
     def plain(self) -> tuple[str, ...] | None:
@@ -135,53 +134,60 @@ class BlockPoints(NumericPoints):
 
     def evaluate(self, values: Mapping[str, Array]) -> BlockPointsAt:
         """Where the blocks have these values."""
-        return BlockPointsAt(self, self.points.evaluate(*(one.value(values) for one in self.maps)))
+        arguments = (part.value(values) for part in self.maps)
+        return BlockPointsAt(self, self.points.evaluate(*arguments))
 
     def evaluate_each(self, values: Mapping[str, Array], count: int) -> PointsOfEach:
         """The points at M = `count` sets of values, in fewer calls than by `evaluate` for each."""
         if self.plain is not None and not self.wanted:
-            arguments = [one.value_batch(values) for one in self.maps]
+            arguments = [part.value_batch(values) for part in self.maps]
             together = self.points.together(dict(zip(ROLES, self.plain, strict=False)), *arguments)
             if together is not None:
                 return together
-        each = [{name: values[name][i] for name in self.reads} for i in range(count)]
-        arguments = [np.array([one.value(some) for some in each]) for one in self.maps]
+        sets = [{name: values[name][i] for name in self.reads} for i in range(count)]
+        arguments = [np.array([part.value(one_set) for one_set in sets]) for part in self.maps]
         return LoopedPoints(
             [BlockPointsAt(self, here) for here in self.points.evaluate_each(*arguments)]
         )
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The points of M sets of values, (M, N, 3) m."""
-        return self.points.evaluate_batch(*(one.value_batch(values) for one in self.maps))
+        return self.points.evaluate_batch(*(part.value_batch(values) for part in self.maps))
 
-    def aside(self, names: tuple[str, ...]) -> dict[str, AsideRows]:
-        """By role, the rows that are written aside for the derivative by these blocks."""
-        if names not in self._aside:
+    def chain(self, names: tuple[str, ...]) -> dict[str, ArgumentRows]:
+        """By role, the numbers of arguments through which points depend on these blocks."""
+        if names not in self._chains:
             every = zip(ROLES, self.maps, strict=False)
-            parts = {role: AsideRows.of(one, names, self.wanted) for role, one in every}
-            self._aside[names] = {role: part for role, part in parts.items() if len(part.rows)}
-        return self._aside[names]
+            parts = {role: ArgumentRows.of(affine, names, self.wanted) for role, affine in every}
+            self._chains[names] = {role: part for role, part in parts.items() if len(part.rows)}
+        return self._chains[names]
 
 
 @dataclass(frozen=True, eq=False)
-class AsideRows:
-    """The `rows` of an argument of `count` numbers that move some blocks, and how: by block."""
+class ArgumentRows:
+    """The numbers of an argument that depend on some blocks.
+
+    Attributes:
+        count: how many numbers the argument has.
+        rows: (R,) those that depend on any of the blocks.
+        onto: by block, the transposed derivative of these by its entries, (entries, R).
+    """
 
     count: int
     rows: Index
     onto: Mapping[str, Array | csr_array]
 
     @staticmethod
-    def of(one: Affine, names: tuple[str, ...], wanted: Mapping[str, Index]) -> AsideRows:
-        """Those by the wanted entries of the named blocks, (wanted, rows) each."""
-        terms = {name: one.terms[name] for name in names if name in one.terms}
+    def of(affine: Affine, names: tuple[str, ...], wanted: Mapping[str, Index]) -> ArgumentRows:
+        """The numbers of an affine map; of the named blocks the wanted entries alone count."""
+        terms = {name: affine.terms[name] for name in names if name in affine.terms}
         by = {
             n: csr_array(m[:, wanted[n].tolist()]) if n in wanted else m for n, m in terms.items()
         }
         reached = [row for matrix in by.values() for row in matrix.nonzero()[0].tolist()]
         rows = np.unique(np.array(reached, dtype=np.int64))
-        onto = {n: filled(csr_array(m[rows].T)) for n, m in by.items() if m.nnz}
-        return AsideRows(len(one.offset), rows, onto)
+        onto = {n: fast_to_multiply(csr_array(m[rows].T)) for n, m in by.items() if m.nnz}
+        return ArgumentRows(len(affine.offset), rows, onto)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,48 +195,48 @@ class BlockPointsAt(PointsAt):
     """The points at one set of values."""
 
     of: BlockPoints
-    here: BodyPointsAt
+    body_points: BodyPointsAt
 
     @property
     def points(self) -> Array:
         """The points at these values, (N, 3) m."""
-        return self.here.points
+        return self.body_points.points
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the transposed derivative into[block] (size, 3 N)."""
         of = self.of
         if of.plain is not None:
             targets: dict[str, RowTarget] = {}
-            for role, one, name in zip(ROLES, of.maps, of.plain, strict=False):
+            for role, affine, name in zip(ROLES, of.maps, of.plain, strict=False):
                 if name in into:
-                    part, some = into[name], of.wanted.get(name)
-                    targets[role] = part if some is None else Rows(len(one.offset), some, part)
-            self.here.write_jacobian(targets, scale)
+                    rows, free = into[name], of.wanted.get(name)
+                    targets[role] = rows if free is None else Rows(len(affine.offset), free, rows)
+            self.body_points.write_jacobian(targets, scale)
         elif into:
-            parts, width = of.aside(tuple(into)), next(iter(into.values())).shape[1]
-            aside = {role: np.zeros((len(part.rows), width)) for role, part in parts.items()}
-            self.here.write_jacobian(
-                {role: Rows(part.count, part.rows, aside[role]) for role, part in parts.items()},
+            parts, width = of.chain(tuple(into)), next(iter(into.values())).shape[1]
+            by_role = {role: np.zeros((len(part.rows), width)) for role, part in parts.items()}
+            self.body_points.write_jacobian(
+                {role: Rows(part.count, part.rows, by_role[role]) for role, part in parts.items()},
                 scale,
             )
             for name, target in into.items():
-                products = [p.onto[name] @ aside[r] for r, p in parts.items() if name in p.onto]
+                products = [p.onto[name] @ by_role[r] for r, p in parts.items() if name in p.onto]
                 target[...] = sum(products[1:], products[0]) if products else 0.0
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         """Gradients of cotangent . points by the blocks, flat; by the entries that are wanted."""
-        found, of = self.here.vjp(cotangent), self.of
+        by_role, of = self.body_points.vjp(cotangent), self.of
         gradient: dict[str, Array] = {}
         if of.plain is not None:
-            gradient = {name: found[role] for role, name in zip(ROLES, of.plain, strict=False)}
-        for role, one in zip(ROLES, () if of.plain else of.maps, strict=False):
-            for name, part in one.vjp(found[role]).items():
+            gradient = {name: by_role[role] for role, name in zip(ROLES, of.plain, strict=False)}
+        for role, affine in zip(ROLES, () if of.plain else of.maps, strict=False):
+            for name, part in affine.vjp(by_role[role]).items():
                 gradient[name] = gradient[name] + part if name in gradient else part
         return {n: g[of.wanted[n]] if n in of.wanted else g for n, g in gradient.items()}
 
 
 def plain_names(maps: Maps) -> tuple[str, ...] | None:
     """The name of a block for each argument, if the arguments are these and nothing else."""
-    names = tuple(one.plain for one in maps if one.plain is not None)
+    names = tuple(affine.plain for affine in maps if affine.plain is not None)
     # of one block in two roles the derivatives have to be added
     return names if len({*names}) == len(maps) else None

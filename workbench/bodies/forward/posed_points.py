@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
 
 WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseconds
-PART = 100  # vertices, from which on a part of a body with so many is compiled as well
+LARGE_PART = 100  # vertices, from which on a part of a body with so many is compiled as well
 LARGE_TREE = 16  # joints, from which on kinematics are compiled
 
 Arithmetic: TypeAlias = NumpyMesh | CompiledMesh | LandmarkPoints
@@ -104,10 +104,10 @@ class PosedPointsAt(BodyPointsAt):
     def points(self) -> Array:
         """The points, (N, 3) m."""
         at_origin = self.at_origin.points
-        found = np.empty_like(at_origin)
+        points = np.empty_like(at_origin)
         for d in range(3):  # one coordinate at a time, so that the inner loop runs along points
-            np.add(at_origin[:, d], self.trans[d], out=found[:, d])
-        return found
+            np.add(at_origin[:, d], self.trans[d], out=points[:, d])
+        return points
 
     def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
@@ -118,10 +118,10 @@ class PosedPointsAt(BodyPointsAt):
         on_points = cotangent.reshape(-1, 3)
         on_G, on_features, on_betas = self.at_origin.vjp(on_points)
         on_pose, by_joints = self.motion.vjp(on_G, on_features)
-        found = {"pose": on_pose.ravel(), "betas": on_betas + by_joints}
+        gradients = {"pose": on_pose.ravel(), "betas": on_betas + by_joints}
         if self.offsets:
-            found["offsets"] = self.at_origin.vjp_of_offsets(on_points).ravel()
-        return {**found, "trans": on_points.sum(axis=0)}
+            gradients["offsets"] = self.at_origin.vjp_of_offsets(on_points).ravel()
+        return {**gradients, "trans": on_points.sum(axis=0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,17 +149,17 @@ class PosedFrames:
 
     def write_jacobians(self, some: slice, into: Mapping[str, Array]) -> None:
         """Write the derivatives at some of the poses, (some, 3 N, size)."""
-        here = self._at_origin[some]
-        by = here.motion.derivatives
+        landmarks = self._at_origin[some]
+        by = landmarks.motion.derivatives
         for role, name in self.names.items():
             if name in into:
-                into[name][:] = here.derivative(by, role).swapaxes(-1, -2)
+                into[name][:] = landmarks.derivative(by, role).swapaxes(-1, -2)
 
     def vjps(self, cotangents: Array) -> dict[str, Array]:
         """The gradients (M, size) of cotangent (M, 3 N) . points by each block."""
-        each = zip(self.of.evaluate_each(*self.arguments), cotangents, strict=True)
-        found = stacked([here.vjp(cotangent) for here, cotangent in each])
-        return {name: found[role] for role, name in self.names.items() if role in found}
+        pairs = zip(self.of.evaluate_each(*self.arguments), cotangents, strict=True)
+        gradients = stacked([points.vjp(cotangent) for points, cotangent in pairs])
+        return {name: gradients[role] for role, name in self.names.items() if role in gradients}
 
 
 class BodyNumbers:
@@ -177,9 +177,9 @@ class BodyNumbers:
     @cached_property
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives."""
-        of = self.skeleton, self.arrays.bind_pose, self.arrays.parents
+        parts = self.skeleton, self.arrays.bind_pose, self.arrays.parents
         large = self.arrays.n_vertices >= WORTH_COMPILING or self.arrays.n_joints >= LARGE_TREE
-        return Kinematics(*of, CompiledJoints.of(*of) if large else None)
+        return Kinematics(*parts, CompiledJoints.of(*parts) if large else None)
 
     @cached_property
     def chunks(self) -> list[VertexChunk]:
@@ -203,13 +203,13 @@ class BodyNumbers:
 
     def surface(self, vertices: Vertices) -> PosedPoints:
         """All vertices of an SMPL body, or some."""
-        some = vertices if isinstance(vertices, slice) else list(vertices)
-        chunks = cache(partial(self.chunks_of, some))
+        chosen = vertices if isinstance(vertices, slice) else list(vertices)
+        chunks = cache(partial(self.chunks_of, chosen))
 
         def many(motion: JointMotion, betas: Array) -> Array:
             return batch_points(chunks(), motion, betas)
 
-        return PosedPoints(self.kinematics, self.mesh(some), many)
+        return PosedPoints(self.kinematics, self.mesh(chosen), many)
 
     def mesh(self, some: slice | list[int] = ALL) -> NumpyMesh | CompiledMesh:
         """The arithmetic of all vertices or some, compiled where that pays and works.
@@ -218,7 +218,7 @@ class BodyNumbers:
         """
         body = self.arrays
         count = body.n_vertices if isinstance(some, slice) else len(some)
-        if body.n_vertices >= WORTH_COMPILING and count >= min(PART, WORTH_COMPILING):
+        if body.n_vertices >= WORTH_COMPILING and count >= min(LARGE_PART, WORTH_COMPILING):
             compiled = CompiledMesh.of(body, some, self.packing)
             if compiled is not None:
                 return compiled
@@ -257,8 +257,8 @@ class BodyNumbers:
         pose, betas = self._symbols
         offsets = cs.MX.sym("offsets", 3, len(landmarks.names))
         symbols, rest_points = (pose, betas, cs.MX.zeros(3)), partial(self.rest_points, landmarks)
-        found = surface.posed_landmarks(self.arrays, landmarks, rest_points, symbols, offsets)
-        return cs.Function("displaced_rest", [pose, betas, offsets], [found])
+        expression = surface.posed_landmarks(self.arrays, landmarks, rest_points, symbols, offsets)
+        return cs.Function("displaced_rest", [pose, betas, offsets], [expression])
 
     @cached_property
     def skinned_rest(self) -> cs.Function:

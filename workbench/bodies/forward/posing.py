@@ -55,10 +55,10 @@ class Posing:
     @property
     def above(self) -> Array:
         """The world rotation of each joint's parent, (J, K, 3, 3); the identity for the root."""
-        found = np.empty_like(self.world)
-        found[:, 0] = np.eye(3)
-        found[:, 1:] = self.world[:, list(self.parents[1:])]
-        return found
+        above = np.empty_like(self.world)
+        above[:, 0] = np.eye(3)
+        above[:, 1:] = self.world[:, list(self.parents[1:])]
+        return above
 
     @property
     def levers(self) -> Array:

@@ -85,8 +85,8 @@ def heaviest(weights: cs.MX) -> cs.MX:
     for k, column in enumerate(others, start=1):
         where = cs.if_else(column > largest, k, where)
         largest = cs.fmax(largest, column)
-    found = cs.horzcat(*[where == k for k in range(weights.shape[1])])
-    return found if cs.symvar(found) else cs.MX(cs.sparsify(cs.evalf(found)))
+    indicators = cs.horzcat(*[where == k for k in range(weights.shape[1])])
+    return indicators if cs.symvar(indicators) else cs.MX(cs.sparsify(cs.evalf(indicators)))
 
 
 def skin(T: Any, J: Any, weights: Any, theta: Any, parents: Sequence[int]) -> Any:
@@ -105,16 +105,16 @@ def skin(T: Any, J: Any, weights: Any, theta: Any, parents: Sequence[int]) -> An
 
     Raises BadArgument for MX together with SX, and for shapes that do not fit.
     """
-    given = {"T": T, "J": J, "weights": weights, "theta": theta}
-    kinds = {type(a) for a in given.values() if isinstance(a, (cs.MX, cs.SX))}
+    arguments = {"T": T, "J": J, "weights": weights, "theta": theta}
+    kinds = {type(a) for a in arguments.values() if isinstance(a, (cs.MX, cs.SX))}
     if len(kinds) > 1:
         raise BadArgument("the skinning function takes symbols of one kind, not MX and SX")
     kind = kinds.pop() if kinds else cs.DM
-    made = {name: a if isinstance(a, kind) else kind(cs.DM(a)) for name, a in given.items()}
-    N, K = made["T"].shape[1], len(parents)
+    matrices = {name: a if isinstance(a, kind) else kind(cs.DM(a)) for name, a in arguments.items()}
+    N, K = matrices["T"].shape[1], len(parents)
     for name, shape in {"T": (3, N), "J": (3, K), "weights": (N, K), "theta": (3, K)}.items():
-        if made[name].shape != shape:
-            raise BadArgument(f"{name} has shape {made[name].shape}, but must be {shape}")
-    at_zero, R = (rodrigues(pose) for pose in (kind(cs.DM.zeros(3, K)), made["theta"]))
-    motions, _ = binding_motions(R, at_zero, made["J"], parents)
-    return linear_blend(made["T"], motions, made["weights"])
+        if matrices[name].shape != shape:
+            raise BadArgument(f"{name} has shape {matrices[name].shape}, but must be {shape}")
+    at_zero, R = (rodrigues(pose) for pose in (kind(cs.DM.zeros(3, K)), matrices["theta"]))
+    motions, _ = binding_motions(R, at_zero, matrices["J"], parents)
+    return linear_blend(matrices["T"], motions, matrices["weights"])

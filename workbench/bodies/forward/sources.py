@@ -48,18 +48,18 @@ class Arguments:
     displaced: tuple[Block, cs.MX] | None = None
 
     def __post_init__(self) -> None:
-        for block, given in self._given:
-            if not isinstance(given, cs.MX):
+        for block, value in self._pairs:
+            if not isinstance(value, cs.MX):
                 raise BadBody(
                     f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
-                    f"type {type(given).__name__}; take block.symbol for block in body.blocks(), "
+                    f"type {type(value).__name__}; take block.symbol for block in body.blocks(), "
                     "or give numbers to body.vertices. SX takes its place afterwards, in "
                     'casadi.Function("f", [pose, betas, trans], [points.graph()])(*your_sx)'
                 )
-            if given.shape != block.symbol_shape:
+            if value.shape != block.symbol_shape:
                 raise BadBody(
                     f"body {self.body.name!r} takes a symbol of shape {block.symbol_shape} for "
-                    f"{block.name}, not {given.shape}; take block.symbol for block in "
+                    f"{block.name}, not {value.shape}; take block.symbol for block in "
                     "body.blocks(), and body.offsets(name).symbol for the offsets of landmarks"
                 )
 
@@ -74,20 +74,20 @@ class Arguments:
         return None if self.displaced is None else self.displaced[1]
 
     @property
-    def _given(self) -> tuple[tuple[Block, cs.MX], ...]:
+    def _pairs(self) -> tuple[tuple[Block, cs.MX], ...]:
         """A block of the shape of each argument, and what stands for it."""
-        own = tuple(zip(self.body.blocks(), self.symbols, strict=True))
-        return own if self.displaced is None else (*own, self.displaced)
+        pairs = tuple(zip(self.body.blocks(), self.symbols, strict=True))
+        return pairs if self.displaced is None else (*pairs, self.displaced)
 
     def blocks(self) -> tuple[Block, ...]:
         """The block behind each symbol, the body's own (with unit and labels) where it is one."""
-        known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
+        block_of = {b.symbol.__hash__(): b for b in self.body.known_blocks}
         if self.displaced is not None:
-            block, given = self.displaced
-            if given.is_symbolic() and given.__hash__() not in known:
-                known[given.__hash__()] = Block.of(given, block.unit, block.labels)
-        read = cs.symvar(cs.veccat(*(given for _, given in self._given)))
-        return tuple(known.get(s.__hash__()) or Block.of(s) for s in read)
+            block, value = self.displaced
+            if value.is_symbolic() and value.__hash__() not in block_of:
+                block_of[value.__hash__()] = Block.of(value, block.unit, block.labels)
+        symbols = cs.symvar(cs.veccat(*(value for _, value in self._pairs)))
+        return tuple(block_of.get(s.__hash__()) or Block.of(s) for s in symbols)
 
     @cached_property
     def tree(self) -> Tree | None:
@@ -99,23 +99,23 @@ class Arguments:
             return Tree(pose.plain, names, parents)
         rows = alone(self.maps)[0]
         free_of_offset = pose.offset.reshape(-1, 3) == 0
-        at = tuple(
+        places = tuple(
             place_of(rows[3 * k : 3 * k + 3]) if free_of_offset[k].all() else None
             for k in range(len(names))
         )
-        return Tree(" + ".join(pose.reads), names, parents, at)
+        return Tree(" + ".join(pose.reads), names, parents, places)
 
     @cached_property
     def maps(self) -> Maps | None:
         """The arguments as affine maps of blocks; None if one of them is something else."""
-        found = [Affine.of(given, block.shape) for block, given in self._given]
-        maps = tuple(one for one in found if one is not None)
-        return maps if len(maps) == len(found) else None
+        affine = [Affine.of(value, block.shape) for block, value in self._pairs]
+        maps = tuple(part for part in affine if part is not None)
+        return maps if len(maps) == len(affine) else None
 
     @property
     def _apart(self) -> bool:
         """Whether no block has two roles."""
-        reads = [name for one in self.maps or () for name in one.reads]
+        reads = [name for part in self.maps or () for name in part.reads]
         return len(reads) == len(set(reads))
 
 
@@ -171,7 +171,7 @@ class BodySource:
 
 
 def surface_points(
-    body: SkinnedBody, at: Arguments, numeric: BodyNumbers, vertices: Vertices
+    body: SkinnedBody, arguments: Arguments, numeric: BodyNumbers, vertices: Vertices
 ) -> BodySource:
     """Vertices of the posed surface, all or some.
 
@@ -198,17 +198,17 @@ def surface_points(
 
     every = range(body.n_vertices)
     return BodySource(
-        at,
+        arguments,
         len(every[vertices] if isinstance(vertices, slice) else vertices),
         None if isinstance(vertices, slice) else tuple(f"vertex {i}" for i in vertices),
         tuple(body.free.values()),
-        lambda: surface.posed(body, *at.symbols, vertices),
+        lambda: surface.posed(body, *arguments.symbols, vertices),
         compute,
         resting=resting,
     )
 
 
-def joint_points(body: SkinnedBody, at: Arguments, numeric: BodyNumbers) -> BodySource:
+def joint_points(body: SkinnedBody, arguments: Arguments, numeric: BodyNumbers) -> BodySource:
     """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices.
 
     They depend on the free arrays that joints are made from. Joints that are given or free do not
@@ -216,14 +216,14 @@ def joint_points(body: SkinnedBody, at: Arguments, numeric: BodyNumbers) -> Body
     """
 
     def express() -> cs.MX:
-        posture = surface.posture(body, at.pose, at.betas)
+        posture = surface.posture(body, arguments.pose, arguments.betas)
         _, joints = surface.motions(body, posture)
-        return joints + cs.repmat(at.trans, 1, body.n_joints)
+        return joints + cs.repmat(arguments.trans, 1, body.n_joints)
 
     regressed = body.rest_joints is None and "joints" not in body.free
     made_from = MOVE_JOINTS if regressed else ("joints",)
     return BodySource(
-        at,
+        arguments,
         body.n_joints,
         body.joint_names,
         tuple(block for name, block in body.free.items() if name in made_from),
@@ -233,7 +233,7 @@ def joint_points(body: SkinnedBody, at: Arguments, numeric: BodyNumbers) -> Body
 
 
 def landmark_points(
-    body: SkinnedBody, at: Arguments, numeric: BodyNumbers, landmarks: Landmarks
+    body: SkinnedBody, arguments: Arguments, numeric: BodyNumbers, landmarks: Landmarks
 ) -> BodySource:
     """Weighted means of posed vertices, displaced at rest where the arguments have offsets.
 
@@ -243,7 +243,8 @@ def landmark_points(
 
     def express() -> cs.MX:
         rest_points = partial(numeric.rest_points, landmarks)
-        return surface.posed_landmarks(body, landmarks, rest_points, at.symbols, at.offsets)
+        symbols, offsets = arguments.symbols, arguments.offsets
+        return surface.posed_landmarks(body, landmarks, rest_points, symbols, offsets)
 
     def compute(maps: Maps) -> NumericPoints | None:
         if body.free or not body.is_smpl:
@@ -251,7 +252,7 @@ def landmark_points(
         return BlockPoints(numeric.landmarks(landmarks), maps)
 
     names, free = landmarks.names, tuple(body.free.values())
-    return BodySource(at, len(names), names, free, express, compute)
+    return BodySource(arguments, len(names), names, free, express, compute)
 
 
 def arguments_from_values(
@@ -263,17 +264,17 @@ def arguments_from_values(
     are computed from the blocks that `points` of this body are made from, which may be pieces of a
     pose or coefficients. None if the values do not determine them.
     """
-    own = [block.name for block in body.blocks()]
-    if all(name in values for name in own):
-        pose, betas, trans = (np.asarray(values[name], dtype=float) for name in own)
+    names = [block.name for block in body.blocks()]
+    if all(name in values for name in names):
+        pose, betas, trans = (np.asarray(values[name], dtype=float) for name in names)
         return pose, betas, trans
-    for one in points:
-        at = one.source.arguments if isinstance(one.source, BodySource) else None
-        if at is None or at.body is not body or at.maps is None:
+    for part in points:
+        arguments = part.source.arguments if isinstance(part.source, BodySource) else None
+        if arguments is None or arguments.body is not body or arguments.maps is None:
             continue
-        maps = at.maps[:3]
-        if all(name in values for part in maps for name in part.reads):
+        maps = arguments.maps[:3]
+        if all(name in values for affine in maps for name in affine.reads):
             numbers = {name: np.asarray(value, dtype=float) for name, value in values.items()}
-            pose, betas, trans = (part.value(numbers) for part in maps)
+            pose, betas, trans = (affine.value(numbers) for affine in maps)
             return pose, betas, trans
     return None

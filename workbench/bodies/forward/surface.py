@@ -105,8 +105,8 @@ def star_features(at: Posture) -> cs.MX:
 def count_features(features: Features, K: int, B: int) -> int:
     """F, on a tree of K joints, for a person of B betas."""
     pose, bind = cs.MX.sym("pose", 3, K), cs.MX.sym("bind", 3, K)
-    found = features(Posture.of(pose, bind, cs.MX.sym("betas", B)))
-    return int(found.shape[0])
+    values = features(Posture.of(pose, bind, cs.MX.sym("betas", B)))
+    return int(values.shape[0])
 
 
 Vertices = Sequence[int] | slice
@@ -129,8 +129,8 @@ def directions(body: SkinnedBody, name: str, vertices: Vertices = ALL) -> cs.MX:
     if name in body.free:
         rows = np.arange(3 * body.n_vertices).reshape(-1, 3)[vertices].ravel()
         return body.free[name].symbol.T[rows.tolist(), :]
-    some = array[vertices]
-    return cs.MX(cs.sparsify(cs.DM(some.reshape(3 * len(some), array.shape[2]))))
+    chosen = array[vertices]
+    return cs.MX(cs.sparsify(cs.DM(chosen.reshape(3 * len(chosen), array.shape[2]))))
 
 
 def weights(body: SkinnedBody, vertices: Vertices = ALL) -> cs.MX:

@@ -119,8 +119,8 @@ class TriangleBody(Body):
             source = surface_points(Arguments(self, *symbols), self.arithmetic, self.free)
             return Points.of(source, "vertices")
         chosen = chosen_vertices(self, vertices)
-        some = np.arange(len(chosen)), np.array(chosen, dtype=np.int64)
-        selection = csr_array((np.ones(len(chosen)), some), shape=(len(chosen), self.n_vertices))
+        entries = np.arange(len(chosen)), np.array(chosen, dtype=np.int64)
+        selection = csr_array((np.ones(len(chosen)), entries), shape=(len(chosen), self.n_vertices))
         return self._means(selection, tuple(f"vertex {i}" for i in chosen), "vertices", symbols)
 
     def deformed_edges(self, pose: cs.MX, betas: cs.MX) -> cs.MX:
@@ -148,15 +148,15 @@ class TriangleBody(Body):
         name: str,
         symbols: tuple[cs.MX, cs.MX, cs.MX],
     ) -> Points:
-        at = Arguments(self, *symbols)
-        return Points.of(surface_points(at, self.arithmetic, self.free, regressor, names), name)
+        inputs = Arguments(self, *symbols)
+        return Points.of(surface_points(inputs, self.arithmetic, self.free, regressor, names), name)
 
     # Points in numbers. Any argument may have batch axes in front.
 
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
-        batch, each = arguments(self, pose, betas, trans)
-        surfaces = self.arithmetic.evaluate_batch(*each)
+        batch, numbers = arguments(self, pose, betas, trans)
+        surfaces = self.arithmetic.evaluate_batch(*numbers)
         return surfaces.reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:

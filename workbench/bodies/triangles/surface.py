@@ -75,18 +75,18 @@ class PackedTriangles:
     @cached_property
     def reaches(self) -> list[JointReach]:
         """What each joint turns."""
-        A_t, columns, found = self.stitching.A.T.tocsc(), self.weights.tocsc(), []
+        A_t, columns, reaches = self.stitching.A.T.tocsc(), self.weights.tocsc(), []
         for k in range(len(self.parents)):
             joints = np.flatnonzero(self.ancestors[:, k])
             faces = np.unique(columns[:, joints].indices).astype(np.int64)
             bent, slot = np.nonzero(self.near == k)
             onto, bent_onto = (
-                csr_array(A_t[:, (2 * some[:, None] + np.arange(2)).ravel()].tocsr())
-                for some in (faces, bent)
+                csr_array(A_t[:, (2 * rows[:, None] + np.arange(2)).ravel()].tocsr())
+                for rows in (faces, bent)
             )
             weights = csr_array(self.weights[faces][:, joints])
-            found.append(JointReach(joints, faces, weights, onto, bent, slot, bent_onto))
-        return found
+            reaches.append(JointReach(joints, faces, weights, onto, bent, slot, bent_onto))
+        return reaches
 
     def placed(self, right_side: Array) -> Array:
         """The vertices (N, k) that solve the equations of stitching, the root joint at zero."""
@@ -108,8 +108,8 @@ class TriangleNumbers(BodyPoints):
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
         """The vertices (M, N, 3) m of M poses, betas and translations; stitched all at once."""
-        of, each = self.packed, zip(poses, betas, strict=True)
-        right_sides = [TriangleSurface(of, p, b, np.zeros(3)).right_side for p, b in each]
+        of, pairs = self.packed, zip(poses, betas, strict=True)
+        right_sides = [TriangleSurface(of, p, b, np.zeros(3)).right_side for p, b in pairs]
         if not right_sides:
             return np.zeros((0, of.stitching.n_vertices, 3))
         V = of.placed(np.concatenate(right_sides, axis=1)).reshape(-1, len(poses), 3)
@@ -225,21 +225,21 @@ class TriangleSurface(BodyPointsAt):
         B = np.asarray(reach.weights @ R).reshape(-1, 3, 3)
         hanging = _on_edges(B, self.shaped[reach.faces])
         G = reach.onto_vertices @ hanging.reshape(-1, 3)  # (N, 3)
-        found = [G @ turn.T for turn in crossed(self.axes[k])]
+        right_sides = [G @ turn.T for turn in crossed(self.axes[k])]
         if len(reach.bent):
             BD = (self.B[reach.bent] @ self.D[reach.bent])[:, None]  # (n, 1, 3, 3)
             bends = self.of.bends.reshape(*self.of.edges.shape, self.of.near.shape[1], 3)
             by_twist = BD @ bends[reach.bent, :, :, reach.slot]  # (n, 2, 3, axis)
             for axis in range(3):
-                found[axis] += reach.bent_onto_vertices @ by_twist[..., axis].reshape(-1, 3)
-        return found
+                right_sides[axis] += reach.bent_onto_vertices @ by_twist[..., axis].reshape(-1, 3)
+        return right_sides
 
     def _by_betas(self) -> list[Array]:
         """The right sides (N, 3) for the derivatives by each of the betas."""
         directions = np.moveaxis(self.of.shapedirs, 3, 0)  # (B, F, 3, 3)
         return [
-            self.of.stitching.edge_sums(_on_edges(self.B, _on_edges(one, self.bent)))
-            for one in directions
+            self.of.stitching.edge_sums(_on_edges(self.B, _on_edges(direction, self.bent)))
+            for direction in directions
         ]
 
 
@@ -279,16 +279,16 @@ def deformed(
     shaped = _symbol_or_numbers(of, "shapedirs", free).T @ betas
     D = _identities(F) + cs.reshape(shaped, 9, F).T  # D[:, 3 r + c]
     twists = cs.reshape(pose[:, of.near.ravel().tolist()], 3 * J, F)  # of each face
-    each = cs.reshape(cs.repmat(twists, 9, 1), 3 * J, 9 * F)  # once for each entry of its matrix
-    bent = cs.sum1(_symbol_or_numbers(of, "posedirs", free) * each)
+    spread = cs.reshape(cs.repmat(twists, 9, 1), 3 * J, 9 * F)  # once for each entry of a matrix
+    bent = cs.sum1(_symbol_or_numbers(of, "posedirs", free) * spread)
     Q = _identities(F) + cs.reshape(bent, 9, F).T  # Q[:, 3 r + c]
-    found = []
+    edges = []
     for i in range(2):
         e = _edge_matrix(of, i) @ _symbol_or_numbers(of, "template", free).T  # (F, 3)
         for M in (Q, D):
             e = cs.horzcat(*[cs.sum2(M[:, 3 * r : 3 * r + 3] * e) for r in range(3)])
-        found.append(cs.horzcat(*[cs.sum2(B[:, [r, 3 + r, 6 + r]] * e) for r in range(3)]))
-    return found[0], found[1]
+        edges.append(cs.horzcat(*[cs.sum2(B[:, [r, 3 + r, 6 + r]] * e) for r in range(3)]))
+    return edges[0], edges[1]
 
 
 def _edge_matrix(of: PackedTriangles, i: int) -> cs.MX:
@@ -311,7 +311,7 @@ def _identities(count: int) -> cs.MX:
 
 
 def surface_points(
-    at: Arguments,
+    arguments: Arguments,
     numbers: TriangleNumbers,
     free: Mapping[str, Block],
     regressor: csr_array | None = None,
@@ -325,13 +325,13 @@ def surface_points(
     """
 
     def express() -> cs.MX:
-        vertices = posed(numbers.packed, *at.symbols, free)
+        vertices = posed(numbers.packed, *arguments.symbols, free)
         return vertices if regressor is None else vertices @ cs.MX(sparse_constant(regressor.T))
 
     arithmetic = numbers if regressor is None else NumericMeans(numbers, regressor)
     return BodySource(
-        at,
-        at.body.n_vertices if names is None else len(names),
+        arguments,
+        arguments.body.n_vertices if names is None else len(names),
         names,
         tuple(free.values()),
         express,

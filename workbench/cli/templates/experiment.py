@@ -38,8 +38,8 @@ def setup(seed: int = 0, noise: float = 0.05, beacons: int = 6) -> wb.Setup:
     )
 
     # 3. What is looked at when it has been solved: numbers with units, for the summary.
-    def measures(found: wb.Values) -> tuple[wb.Measure, ...]:
-        off = float(np.linalg.norm(found["receiver"] - truth["receiver"]))
+    def measures(values: wb.Values) -> tuple[wb.Measure, ...]:
+        off = float(np.linalg.norm(values["receiver"] - truth["receiver"]))
         return (wb.Measure("distance from the truth", 1000 * off, "mm"),)
 
     return wb.Setup(

@@ -47,7 +47,8 @@ class Damped(Limits):
             x, here = run.x, run.begin()  # here.residual, here.jacobian, here.gradient, here.cost
             damping = self.damping
             while True:
-                step = here.step(damping)  # (n,), a vector
+                # (n,); the solvers of workbench have an option for its factorization instead
+                step = here.step(damping)
                 if np.array_equal(x + step, x):
                     run.stall("the step is too short to change any number")
                 if run.cost(x + step) < here.cost:

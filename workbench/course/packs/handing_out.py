@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from workbench.course.notebooks import as_notebook, code_cell, prose_cell
 from workbench.course.packs.keys import ClassKey, ExerciseKey, make_keys, write_keys
-from workbench.course.packs.variants import Variant, chosen
+from workbench.course.packs.variants import Variant, chosen_exercises
 from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import bounded
@@ -37,14 +37,14 @@ def write_pack(
     """
     if not group.strip():
         raise BadArgument("--for takes the name of the class, which has to have letters")
-    some = chosen(what)
+    exercises = chosen_exercises(what)
     for place in (folder, keys):
         if place.exists() and (not place.is_dir() or any(place.iterdir())):
             raise BadFile(f"{place} exists already, and is not written over; name a new folder")
     if keys.resolve() == folder.resolve() or folder.resolve() in keys.resolve().parents:
         raise BadArgument(f"the keys must not be inside of {folder}, which is handed out")
-    key = make_keys(group, secrets.randbits(60) if seed is None else seed, students, some)
-    variants = {one.number: one.variant for one in some}
+    key = make_keys(group, secrets.randbits(60) if seed is None else seed, students, exercises)
+    variants = {exercise.number: exercise.variant for exercise in exercises}
     try:
         for place in (folder, keys):
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -54,21 +54,21 @@ def write_pack(
         ):
             for student in students:
                 tell(student)
-                mine = Path(out) / "pack" / student
-                mine.mkdir(parents=True)
+                own_folder = Path(out) / "pack" / student
+                own_folder.mkdir(parents=True)
                 for sheet in key.titles:
                     text = script(key, sheet, student, variants)
-                    (mine / f"{sheet}.py").write_text(text, encoding="utf-8")
+                    (own_folder / f"{sheet}.py").write_text(text, encoding="utf-8")
                     book = notebook(key, sheet, student, variants)
-                    (mine / f"{sheet}.ipynb").write_text(book, encoding="utf-8")
-                (mine / EXAMPLES).write_text(examples(key, student), encoding="utf-8")
+                    (own_folder / f"{sheet}.ipynb").write_text(book, encoding="utf-8")
+                (own_folder / EXAMPLES).write_text(examples(key, student), encoding="utf-8")
             inner = Path(hidden) / "keys"
             inner.mkdir(mode=0o700)  # others on this machine do not read it
-            write_keys(key, some, inner)
-            for made, place in ((Path(out) / "pack", folder), (inner, keys)):
+            write_keys(key, exercises, inner)
+            for fresh, place in ((Path(out) / "pack", folder), (inner, keys)):
                 if place.exists():
                     place.rmdir()
-                made.replace(place)
+                fresh.replace(place)
     except OSError as error:
         raise BadFile(f"cannot write the pack: {error.strerror or error}") from error
     return key
@@ -79,7 +79,7 @@ COLUMNS = (  # titles of the columns that hold names, those of Moodle and others
     ("first name", "surname"), ("first name", "family name"), ("login",), ("username",), ("id",),
     ("id number",), ("email",), ("email address",),
 )  # fmt: skip
-LONGEST = 60  # characters of a folder's name
+LONGEST_FOLDER = 60  # characters of a folder's name
 
 
 class Students(NamedTuple):
@@ -89,30 +89,30 @@ class Students(NamedTuple):
     columns: tuple[str, ...]  # the titles of those of the file that hold the names
 
 
-def read_students(given: str, column: str | None = None) -> Students:
+def read_students(text: str, column: str | None = None) -> Students:
     """Students from a FILE.csv, or from names with commas between them.
 
     The first line of a file holds the titles of its columns. Names are read from `column`, or else
     from the first entry of COLUMNS that the file has. Raises BadArgument, BadFile.
     """
-    is_file = given.lower().endswith(".csv")
+    is_file = text.lower().endswith(".csv")
     if column is not None and not is_file:
         raise BadArgument("--column chooses a column of --students FILE.csv, which is not given")
-    names, columns = _read(Path(given), column) if is_file else (given.split(","), ())
+    names, columns = _read(Path(text), column) if is_file else (text.split(","), ())
     names = [" ".join(name.split()) for name in names]
     names = [name for name in names if name]
     if not names:
         raise BadArgument("there are no students; give --students FILE.csv, or names: ada,ben")
-    found: dict[str, str] = {}
+    students: dict[str, str] = {}
     for name in names:
         folder = folder_name(name)
-        if folder in found:
+        if folder in students:
             raise BadArgument(
-                f"{found[folder]!r} and {name!r} would share the folder {folder}; tell them apart "
-                "by another name or a number, or take another --column"
+                f"{students[folder]!r} and {name!r} would share the folder {folder}; tell them "
+                "apart by another name or a number, or take another --column"
             )
-        found[folder] = name
-    return Students(found, columns)
+        students[folder] = name
+    return Students(students, columns)
 
 
 def folder_name(name: str) -> str:
@@ -120,8 +120,8 @@ def folder_name(name: str) -> str:
     if not re.search(r"[^\W_]", name):
         raise BadArgument(f"{name!r} has no letters and no digits, so that it cannot name a folder")
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
-    found = re.sub(r"[^\w]+", "-", plain).strip("-_")[:LONGEST]
-    return found or f"student-{sha256(name.encode()).hexdigest()[:6]}"
+    folder = re.sub(r"[^\w]+", "-", plain).strip("-_")[:LONGEST_FOLDER]
+    return folder or f"student-{sha256(name.encode()).hexdigest()[:6]}"
 
 
 def plain_name(name: str) -> str:
@@ -177,12 +177,12 @@ def pack_name(key: ClassKey, student: str) -> str:
     return f"{key.group} / {student}"
 
 
-def _points(one: ExerciseKey) -> str:
-    return f"{counted(one.points, 'point')}, about {one.minutes} minutes"
+def _points(exercise: ExerciseKey) -> str:
+    return f"{counted(exercise.points, 'point')}, about {exercise.minutes} minutes"
 
 
-def _introduction(key: ClassKey, sheet: str, student: str, mine: list[ExerciseKey]) -> str:
-    minutes = sum(one.minutes for one in mine)
+def _introduction(key: ClassKey, sheet: str, student: str, exercises: list[ExerciseKey]) -> str:
+    minutes = sum(exercise.minutes for exercise in exercises)
     return (
         f"Exercises on {key.titles[sheet]}, for {key.students[student]} ({key.group}).\n\n"
         "The functions wait for your answers. Keep their names, arguments and shapes. The numbers "
@@ -200,48 +200,47 @@ def _head(key: ClassKey, student: str) -> str:
     )
 
 
-def _numbers(one: ExerciseKey) -> str:
-    return "".join(f"{name} = {number!r}\n" for name, number in one.numbers.items())
+def _numbers(exercise: ExerciseKey) -> str:
+    return "".join(f"{name} = {number!r}\n" for name, number in exercise.numbers.items())
 
 
-def _function(one: ExerciseKey, variant: Variant) -> str:
+def _function(exercise: ExerciseKey, variant: Variant) -> str:
     head, *rest = variant.task.split("\n")
     doc = "\n".join([f'    """{head}', *(f"    {line}".rstrip() for line in rest)])
     end = '"""' if not rest else '\n    """'
-    return f'{variant.signature}\n{doc}{end}\n    raise Unsolved("{one.exercise}")\n'
+    return f'{variant.signature}\n{doc}{end}\n    raise Unsolved("{exercise.exercise}")\n'
 
 
 def script(key: ClassKey, sheet: str, student: str, variants: dict[str, Variant]) -> str:
     """The file of Python that a student gets."""
-    mine = [one for one in key.keys[student] if one.sheet == sheet]
-    told = "\n\n".join(
+    exercises = [exercise for exercise in key.keys[student] if exercise.sheet == sheet]
+    introduction = "\n\n".join(
         textwrap.fill(part, 96, break_long_words=False)
-        for part in _introduction(key, sheet, student, mine).split("\n\n")
+        for part in _introduction(key, sheet, student, exercises).split("\n\n")
     )
     parts = [
-        f'"""{told.rstrip()}\n\n    workbench lecture try {sheet}.py\n\n'
+        f'"""{introduction.rstrip()}\n\n    workbench lecture try {sheet}.py\n\n'
         "compares your answers with the examples beside this file.\n"
         f'"""\n\n{_head(key, student)}'
     ]
-    for one in mine:
-        parts.append(
-            f"# {one.number} {one.exercise}: {_points(one)}\n\n{_numbers(one)}\n\n"
-            + _function(one, variants[one.number])
-        )
+    for exercise in exercises:
+        heading = f"# {exercise.number} {exercise.exercise}: {_points(exercise)}"
+        function = _function(exercise, variants[exercise.number])
+        parts.append(f"{heading}\n\n{_numbers(exercise)}\n\n{function}")
     return "\n\n".join(parts)
 
 
 def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Variant]) -> str:
     """The same as a notebook, with a cell for each answer."""
-    mine = [one for one in key.keys[student] if one.sheet == sheet]
+    exercises = [exercise for exercise in key.keys[student] if exercise.sheet == sheet]
     cells = [
-        prose_cell(f"# Exercises\n\n{_introduction(key, sheet, student, mine)}"),
+        prose_cell(f"# Exercises\n\n{_introduction(key, sheet, student, exercises)}"),
         code_cell(_head(key, student), {}),
     ]
-    for one in mine:
-        stub = f"{_numbers(one)}\n\n" + _function(one, variants[one.number])
+    for exercise in exercises:
+        stub = f"{_numbers(exercise)}\n\n" + _function(exercise, variants[exercise.number])
         cells += [
-            prose_cell(f"## {one.number} `{one.exercise}`\n\n{_points(one)}"),
+            prose_cell(f"## {exercise.number} `{exercise.exercise}`\n\n{_points(exercise)}"),
             code_cell(stub, {"tags": ["answer"]}),
         ]
     return json.dumps(as_notebook(cells), indent=1, ensure_ascii=False) + "\n"
@@ -250,14 +249,14 @@ def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Varian
 def examples(key: ClassKey, student: str) -> str:
     """The examples of all exercises of a student, with their answers, as JSON."""
     shown = {
-        f"{one.sheet}.{one.exercise}": {
-            "number": one.number,
-            "parameters": one.parameters,
-            "within": one.within,
-            "numbers": one.numbers,
-            "examples": one.examples,
+        f"{exercise.sheet}.{exercise.exercise}": {
+            "number": exercise.number,
+            "parameters": exercise.parameters,
+            "within": exercise.within,
+            "numbers": exercise.numbers,
+            "examples": exercise.examples,
         }
-        for one in key.keys[student]
+        for exercise in key.keys[student]
     }
     whole = {"pack": pack_name(key, student), "exercises": shown}
     return json.dumps(whole, indent=1, ensure_ascii=False)

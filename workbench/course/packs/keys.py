@@ -17,8 +17,9 @@ from workbench.writing import write_file
 
 KEYS, QUESTIONS = "keys.json", "questions.json"
 FORMAT = 2  # of these files
-HIDDEN, SHOWN = 6, 2  # sets of arguments that only the key has, and that the student sees
-REDRAWN = 100  # times that numbers are drawn anew because another student has the same
+HIDDEN_SETS = 6  # of arguments, which only the key has
+EXAMPLE_SETS = 2  # of arguments, which the student sees
+MOST_DRAWS = 100  # times that numbers are drawn anew because another student has the same
 OF_THE_LECTURE = "this answers the exercise as it stands in the lecture, and not this one"
 
 
@@ -61,25 +62,28 @@ class ClassKey:
 
 
 def make_keys(
-    group: str, seed: int, students: dict[str, str], what: list[PackExercise]
+    group: str, seed: int, students: dict[str, str], exercises: list[PackExercise]
 ) -> ClassKey:
     """Draw the numbers of every student, and compute all answers."""
     keys: dict[str, list[ExerciseKey]] = {folder: [] for folder in students}
-    for one in what:
-        taken: list[Numbers] = []
+    for exercise in exercises:
+        drawn: list[Numbers] = []
         for folder in students:
-            names = group, folder, one.number
-            for k in range(REDRAWN):
-                numbers = one.variant.draw(generator(seed, *names, "numbers", k))
-                if numbers not in taken:
+            names = group, folder, exercise.number
+            for k in range(MOST_DRAWS):
+                numbers = exercise.variant.draw(generator(seed, *names, "numbers", k))
+                if numbers not in drawn:
                     break
-            taken.append(numbers)
-            keys[folder].append(_key(one, numbers, seed, names))
-    return ClassKey(group, seed, students, {one.sheet: one.title for one in what}, keys)
+            drawn.append(numbers)
+            keys[folder].append(_key(exercise, numbers, seed, names))
+    titles = {exercise.sheet: exercise.title for exercise in exercises}
+    return ClassKey(group, seed, students, titles, keys)
 
 
-def _key(one: PackExercise, numbers: Numbers, seed: int, names: tuple[str, ...]) -> ExerciseKey:
-    variant = one.variant
+def _key(
+    exercise: PackExercise, numbers: Numbers, seed: int, names: tuple[str, ...]
+) -> ExerciseKey:
+    variant = exercise.variant
 
     def answered(arguments: Arguments) -> Any:
         return variant.solution(*arguments, **numbers)
@@ -91,14 +95,14 @@ def _key(one: PackExercise, numbers: Numbers, seed: int, names: tuple[str, ...])
     def pairs(these: list[Arguments]) -> list[Any]:
         return [[encode(list(arguments)), encode(answered(arguments))] for arguments in these]
 
-    tries = some("tries", HIDDEN)
-    mistakes = [[m.hint, _mistaken(m.answer, tries, numbers)] for m in one.mistakes]
-    if one.published is not None:
-        lecture = one.published.solution(variant.exercise)
+    tries = some("tries", HIDDEN_SETS)
+    mistakes = [[m.hint, _mistaken(m.answer, tries, numbers)] for m in exercise.mistakes]
+    if exercise.published is not None:
+        lecture = exercise.published.solution(variant.exercise)
         mistakes.append([OF_THE_LECTURE, _mistaken(lecture, tries, {})])
     return ExerciseKey(
-        one.number,
-        one.sheet,
+        exercise.number,
+        exercise.sheet,
         variant.exercise,
         variant.parameters,
         variant.points,
@@ -107,36 +111,38 @@ def _key(one: PackExercise, numbers: Numbers, seed: int, names: tuple[str, ...])
         numbers,
         pairs(tries),
         pairs(list(variant.edges(numbers))),
-        pairs(some("examples", SHOWN)),
+        pairs(some("examples", EXAMPLE_SETS)),
         [[hint, answers] for hint, answers in mistakes if answers],
     )
 
 
 def _mistaken(answer: Any, tries: list[Arguments], numbers: Numbers) -> list[Any]:
     """A wrong function's answers, or none if it cannot answer."""
-    found = [outcome(lambda *a: answer(*a, **numbers), arguments) for arguments in tries]
-    return [] if any(isinstance(one, Raised) for one in found) else [encode(one) for one in found]
+    answers = [outcome(lambda *a: answer(*a, **numbers), arguments) for arguments in tries]
+    if any(isinstance(answered, Raised) for answered in answers):
+        return []
+    return [encode(answered) for answered in answers]
 
 
-def write_keys(key: ClassKey, what: list[PackExercise], folder: Path) -> None:
+def write_keys(key: ClassKey, exercises: list[PackExercise], folder: Path) -> None:
     """Write the keys of a class, and its right answers to read, to a folder that exists.
 
     `questions.json` is the same without any answer: what is needed to run the files of students
     where the keys are not.
     """
-    for one in what:
-        text = f"# to this exercise\n\n{inspect.getsource(one.variant.solution)}"
-        if one.published is not None:
-            lecture = one.published.solution(one.variant.exercise)
+    for exercise in exercises:
+        text = f"# to this exercise\n\n{inspect.getsource(exercise.variant.solution)}"
+        if exercise.published is not None:
+            lecture = exercise.published.solution(exercise.variant.exercise)
             text += f"\n\n# to that of the lecture\n\n{inspect.getsource(lecture)}"
-        write_file(folder / f"answer-{one.number}-{one.variant.exercise}.py", text)
+        write_file(folder / f"answer-{exercise.number}-{exercise.variant.exercise}.py", text)
     data = {"format": FORMAT, **asdict(key)}
     write_file(folder / KEYS, json.dumps(data, indent=1, ensure_ascii=False))
-    for some in data["keys"].values():
-        for exercise in some:
+    for entries in data["keys"].values():
+        for entry in entries:
             for pairs in ("tries", "edges", "examples"):
-                exercise[pairs] = [[arguments, None] for arguments, _ in exercise[pairs]]
-            exercise["mistakes"] = []
+                entry[pairs] = [[arguments, None] for arguments, _ in entry[pairs]]
+            entry["mistakes"] = []
     write_file(folder / QUESTIONS, json.dumps(data, indent=1, ensure_ascii=False))
 
 
@@ -154,12 +160,12 @@ def read_keys(folder: Path, name: str = KEYS) -> ClassKey:
             raise ValueError("it was made by another version")
         data.pop("sources", None)  # of older packs
         keys = {
-            str(student): [ExerciseKey(**one) for one in some]
-            for student, some in data["keys"].items()
+            str(student): [ExerciseKey(**exercise) for exercise in exercises]
+            for student, exercises in data["keys"].items()
         }
         key = ClassKey(**{**data, "keys": keys})
-        for one in (one for some in keys.values() for one in some):
-            for arguments, answer in (*one.tries, *one.edges):
+        for exercise in (exercise for exercises in keys.values() for exercise in exercises):
+            for arguments, answer in (*exercise.tries, *exercise.edges):
                 decode(arguments), decode(answer)
         if not keys or set(keys) != set(key.students) or not all(keys.values()):
             raise ValueError("students without keys")

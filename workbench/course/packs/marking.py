@@ -35,7 +35,8 @@ from workbench.writing import replacing, write_file
 
 MARKED = "marked"  # the folder in the keys that holds what is marked already
 UNSOLVED = "not attempted"
-NOT_YET = "not marked yet: the same command goes on"
+NOT_IN_FILE = "its answers are not in the file of answers"
+NOT_YET = "not marked yet: the same command continues"
 MISSING, TWICE = "not handed in", "handed in more than once: the better answer counts"
 T = TypeVar("T")
 
@@ -92,29 +93,32 @@ def mark_of(key: ExerciseKey, sent: dict[str, Any] | str) -> ExerciseMark:
         match sent:
             case {"unfit": [str() as what, str() as expected, str() as actual]}:
                 return _lost(key, _sentence(Missed(*map(legible, (what, expected, actual)))))
-            case {"answers": list() as answers}:
-                came = [received(one) for one in answers]
+            case {"answers": list() as encoded}:
+                answers = [received(answer) for answer in encoded]
             case {"too large": True}:
                 return _lost(key, "its answers are too large to be graded")
             case _:
                 return _lost(key, NO_ANSWER)
     except (Malformed, RecursionError):
         return _lost(key, NO_ANSWER)
-    if len(came) != len(key.tries) + len(key.edges):
+    if len(answers) != len(key.tries) + len(key.edges):
         return _lost(key, NO_ANSWER)
-    given, at_ends = came[: len(key.tries)], came[len(key.tries) :]
-    if all(isinstance(one, Raised) and one.unsolved for one in given):
+    tried, at_ends = answers[: len(key.tries)], answers[len(key.tries) :]
+    if all(isinstance(answer, Raised) and answer.unsolved for answer in tried):
         return _lost(key, UNSOLVED)
-    if wrong := _missed(key, key.tries, given):
-        told = [f"{len(wrong)} of {len(given)} tries are wrong: {wrong[0]}"]
-        told += [
+    if wrong := _missed(key, key.tries, tried):
+        remarks = [f"{len(wrong)} of {len(tried)} tries are wrong: {wrong[0]}"]
+        remarks += [
             f"perhaps: {hint}"
-            for hint, answers in key.mistakes
-            if all(same(a, decode(b), 1e-6) for a, b in zip(given, answers, strict=True))
+            for hint, wrong_answers in key.mistakes
+            if all(same(a, decode(b), 1e-6) for a, b in zip(tried, wrong_answers, strict=True))
         ][:1]
-        return _lost(key, *told)
-    told = [f"wrong at an end of the range: {one}" for one in _missed(key, key.edges, at_ends)[:1]]
-    return ExerciseMark(key.number, key.exercise, key.points - bool(told), key.points, tuple(told))
+        return _lost(key, *remarks)
+    wrong = _missed(key, key.edges, at_ends)
+    if wrong:
+        remark = f"wrong at an end of the range: {wrong[0]}"
+        return ExerciseMark(key.number, key.exercise, key.points - 1, key.points, (remark,))
+    return ExerciseMark(key.number, key.exercise, key.points, key.points)
 
 
 def _lost(key: ExerciseKey, *why: str) -> ExerciseMark:
@@ -123,45 +127,45 @@ def _lost(key: ExerciseKey, *why: str) -> ExerciseMark:
 
 def _missed(key: ExerciseKey, pairs: Sequence[Any], answers: Sequence[Any]) -> list[str]:
     """A sentence for each wrong answer."""
-    found = []
+    sentences = []
     for (_, expected), answer in zip(pairs, answers, strict=True):
         try:
             compare(answer, decode(expected), key.exercise, key.within)
         except Missed as missed:
-            found.append(_sentence(missed))
-    return found
+            sentences.append(_sentence(missed))
+    return sentences
 
 
-def compare(came: Any, expected: Any, what: str, within: float) -> None:
+def compare(answer: Any, expected: Any, what: str, within: float) -> None:
     """Compare an answer with the expected one, after it has got its form. Raises Missed."""
-    if isinstance(came, Raised):
-        raise Missed(what, "an answer", came.message)
-    _agree(formed(came, expected, what), expected, what, within)
+    if isinstance(answer, Raised):
+        raise Missed(what, "an answer", answer.message)
+    _agree(formed(answer, expected, what), expected, what, within)
 
 
-def _agree(came: Any, expected: Any, what: str, within: float) -> None:
+def _agree(answer: Any, expected: Any, what: str, within: float) -> None:
     if isinstance(expected, tuple | list):
-        if len(came) != len(expected):
-            raise Missed(what, f"{len(expected)} entries", f"{len(came)} entries")
-        for k, (a, b) in enumerate(zip(came, expected, strict=True)):
+        if len(answer) != len(expected):
+            raise Missed(what, f"{len(expected)} entries", f"{len(answer)} entries")
+        for k, (a, b) in enumerate(zip(answer, expected, strict=True)):
             _agree(a, b, f"{what}[{k}]", within)
     elif isinstance(expected, dict):
         for name in expected:
-            _agree(came[name], expected[name], f"{what}[{name!r}]", within)
+            _agree(answer[name], expected[name], f"{what}[{name!r}]", within)
     elif isinstance(expected, NUMERIC):
         size = np.abs(np.asarray(expected, dtype=float)).max(initial=0.0)
         scale = size if 0 < size < 1 else 1.0  # small numbers have to be right, too
         try:
-            equal(np.asarray(came) / scale, np.asarray(expected) / scale, what, within)
+            equal(np.asarray(answer) / scale, np.asarray(expected) / scale, what, within)
         except Missed:
-            equal(came, expected, what, 0.0)  # the same in the numbers of the exercise
-    elif came != expected:
-        raise Missed(what, repr(expected), repr(came))
+            equal(answer, expected, what, 0.0)  # the same, said in numbers that are not scaled
+    elif answer != expected:
+        raise Missed(what, repr(expected), repr(answer))
 
 
 def _sentence(missed: Missed) -> str:
-    told = (("", missed.what), ("expected ", missed.expected), ("came ", missed.came))
-    return " ".join(", ".join(word + text for word, text in told if text).split())
+    parts = (("", missed.what), ("expected ", missed.expected), ("returned ", missed.came))
+    return " ".join(", ".join(word + text for word, text in parts if text).split())
 
 
 @dataclass(frozen=True)
@@ -176,11 +180,11 @@ class StudentMark:
     @property
     def points(self) -> int:
         """The points of all exercises."""
-        return sum(one.points for one in self.exercises)
+        return sum(mark.points for mark in self.exercises)
 
 
 def mark_class(
-    found: Submissions,
+    submissions: Submissions,
     key: ClassKey,
     keys: Path,
     table: Path,
@@ -197,28 +201,28 @@ def mark_class(
     once. `answers` of each student's files, as `answers_of_class` found them elsewhere, are marked
     without running anything. Raises BadFile.
     """
-    said, marked = remarks_of(found, key), dict[str, StudentMark]()
+    remarks_on, marked = remarks_of(submissions, key), dict[str, StudentMark]()
 
     def mark(student: str) -> tuple[tuple[ExerciseMark, ...], bool]:
-        given = None if answers is None else answers.get(student, ())
-        return _marked(student, found.sheets[student], key, keys, limits, given)
+        student_answers = None if answers is None else answers.get(student, ())
+        return _marked(student, submissions.sheets[student], key, keys, limits, student_answers)
 
     for student, (marks, again) in in_parallel(mark, key.students, workers):
-        marked[student] = StudentMark(student, marks, tuple(said[student]))
+        marked[student] = StudentMark(student, marks, tuple(remarks_on[student]))
         write_table(table, key, marked)
         tell(student, marked[student], again)
     return [marked[student] for student in key.students]
 
 
 def answers_of_class(
-    found: Submissions, key: ClassKey, limits: ProcessLimits, workers: int = 1
+    submissions: Submissions, key: ClassKey, limits: ProcessLimits, workers: int = 1
 ) -> dict[str, list[Answers]]:
     """The answers of each student's files, which `mark_class` compares with the keys elsewhere."""
 
     def ask_all(student: str) -> list[Answers]:
         return [
             answers_of(sheet, _keys_of(key, student, sheet), limits)
-            for sheet in found.sheets[student]
+            for sheet in submissions.sheets[student]
         ]
 
     return dict(in_parallel(ask_all, key.students, workers))
@@ -233,7 +237,7 @@ def in_parallel(
 
 
 def _keys_of(key: ClassKey, student: str, sheet: Sheet) -> list[ExerciseKey]:
-    return [one for one in key.keys[student] if one.sheet == sheet.name]
+    return [exercise for exercise in key.keys[student] if exercise.sheet == sheet.name]
 
 
 def _marked(
@@ -245,45 +249,47 @@ def _marked(
     answers: Sequence[Answers] | None,
 ) -> tuple[tuple[ExerciseMark, ...], bool]:
     place = keys / MARKED / f"{student}.json"
-    read = [(one.name, one.source, one.trouble) for one in sheets]
-    helpers = [path.read_bytes().hex() for one in sheets for path in one.helpers]
-    mine = [asdict(one) for one in key.keys[student]]
-    parts: Any = [VERSION, read, helpers, mine, asdict(limits), answers]  # all that marks depend on
+    contents = [(sheet.name, sheet.source, sheet.trouble) for sheet in sheets]
+    helpers = [path.read_bytes().hex() for sheet in sheets for path in sheet.helpers]
+    own_keys = [asdict(exercise) for exercise in key.keys[student]]
+    # all that marks depend on
+    parts: Any = [VERSION, contents, helpers, own_keys, asdict(limits), answers]
     digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     try:
         data = json.loads(place.read_text(encoding="utf-8"))
         if data["digest"] == digest:
-            kept = [{**one, "remarks": tuple(one["remarks"])} for one in data["exercises"]]
-            return tuple(ExerciseMark(**one) for one in kept), True
+            kept = [{**mark, "remarks": tuple(mark["remarks"])} for mark in data["exercises"]]
+            return tuple(ExerciseMark(**mark) for mark in kept), True
     except (OSError, ValueError, KeyError, TypeError):
         pass  # nothing kept, or nothing that can be read: it is marked again
     if answers is None:
         answers = [answers_of(sheet, _keys_of(key, student, sheet), limits) for sheet in sheets]
     marks: dict[str, ExerciseMark] = {}
     for sheet, sent in zip(sheets, [*answers, *({} for _ in sheets)], strict=False):
-        for one in _keys_of(key, student, sheet):
-            mark = mark_of(one, sent.get(one.number, "its answers are not in the file of answers"))
+        for exercise in _keys_of(key, student, sheet):
+            mark = mark_of(exercise, sent.get(exercise.number, NOT_IN_FILE))
             if mark.number in marks:
                 better = max(marks[mark.number], mark, key=lambda mark: mark.points)
                 mark = replace(better, remarks=(*better.remarks, TWICE))
             marks[mark.number] = mark
-    found = tuple(
-        marks.get(one.number) or ExerciseMark(one.number, one.exercise, 0, one.points, (MISSING,))
-        for one in key.keys[student]
+    all_marks = tuple(
+        marks.get(exercise.number)
+        or ExerciseMark(exercise.number, exercise.exercise, 0, exercise.points, (MISSING,))
+        for exercise in key.keys[student]
     )
     try:
         place.parent.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
         raise BadFile(f"cannot write {place.parent}: {error.strerror}") from error
-    data = {"digest": digest, "exercises": [asdict(one) for one in found]}
+    data = {"digest": digest, "exercises": [asdict(mark) for mark in all_marks]}
     write_file(place, json.dumps(data, indent=1, ensure_ascii=False))
-    return found, False
+    return all_marks, False
 
 
 def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> None:
     """Write a CSV file: a line for each student, whether marked or not. Raises BadFile."""
-    numbers = [one.number for one in key.exercises]
-    of = sum(one.points for one in key.exercises)
+    numbers = [exercise.number for exercise in key.exercises]
+    of = sum(exercise.points for exercise in key.exercises)
     head = ["student", "folder", "points", "of", *numbers, "remarks"]
     with (
         replacing(path) as temporary,
@@ -292,19 +298,19 @@ def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> No
         lines = csv.writer(file)
         lines.writerow(head)
         for student, name in key.students.items():
-            one = marked.get(student)
+            mark = marked.get(student)
             row: list[Any] = [name, student, "", of, *("" for _ in numbers), NOT_YET]
-            if one is not None:
-                points = {mark.number: mark.points for mark in one.exercises}
-                row[2], row[4:-1] = one.points, [points[n] for n in numbers]
-                row[-1] = "; ".join(remarks(one))
+            if mark is not None:
+                points = {exercise.number: exercise.points for exercise in mark.exercises}
+                row[2], row[4:-1] = mark.points, [points[n] for n in numbers]
+                row[-1] = "; ".join(remarks(mark))
             lines.writerow([plain_cell(cell) for cell in row])
 
 
-def remarks(one: StudentMark) -> list[str]:
+def remarks(student: StudentMark) -> list[str]:
     """All remarks on a student: on the files as a whole, and by exercise."""
-    each = [f"{mark.number}: {said}" for mark in one.exercises for said in mark.remarks]
-    return [*one.remarks, *each]
+    each = [f"{mark.number}: {remark}" for mark in student.exercises for remark in mark.remarks]
+    return [*student.remarks, *each]
 
 
 def plain_cell(cell: Any) -> Any:
@@ -322,10 +328,10 @@ def read_examples(folder: Path) -> dict[str, Any]:
             f"there is no {path}; it came with the exercises, and has to stand beside them"
         )
     try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["exercises"]
+        examples: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["exercises"]
     except (ValueError, KeyError, TypeError) as error:
         raise BadFile(f"{path} is damaged: {error}; take it from what you were given") from error
-    return found
+    return examples
 
 
 def try_file(path: Path, limits: ProcessLimits) -> list[ExerciseMark]:
@@ -338,18 +344,18 @@ def try_file(path: Path, limits: ProcessLimits) -> list[ExerciseMark]:
         raise BadFile(f"there is no file {path}; give the file with your answers")
     if path.suffix.lower() not in ENDINGS:
         raise BadFile(f"{path} is neither a file of Python (.py) nor a notebook (.ipynb)")
-    keys, found = [], read_examples(path.parent)
+    keys, examples = [], read_examples(path.parent)
     exercises: dict[str, list[str]] = {}
-    for name in found:
+    for name in examples:
         exercises.setdefault(name.rpartition(".")[0], []).append(name.rpartition(".")[2])
     read = read_sheet(path, exercises)
-    for name, one in found.items():
+    for name, example in examples.items():
         sheet, _, exercise = name.rpartition(".")
         if sheet == read.name:
             keys.append(
                 ExerciseKey(
-                    one["number"], sheet, exercise, one["parameters"], 1, 1, one["within"],
-                    one["numbers"], one["examples"], [], [], [],
+                    example["number"], sheet, exercise, example["parameters"], 1, 1,
+                    example["within"], example["numbers"], example["examples"], [], [], [],
                 )
             )  # fmt: skip
     if not keys:
@@ -357,6 +363,10 @@ def try_file(path: Path, limits: ProcessLimits) -> list[ExerciseMark]:
     if path.suffix.lower() == ".py" and not read.trouble:
         sent = answers_in(path, keys, limits)  # where it stands, beside its helpers
     else:
-        helpers = [one for one in path.parent.glob("*.py") if not read_sheet(one, exercises).name]
+        helpers = [
+            example
+            for example in path.parent.glob("*.py")
+            if not read_sheet(example, exercises).name
+        ]
         sent = answers_of(replace(read, helpers=tuple(helpers)), keys, limits)
     return [mark_of(key, sent[key.number]) for key in keys]

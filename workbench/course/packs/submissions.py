@@ -21,9 +21,9 @@ ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
 BY_PROGRAMS = (".ipynb_checkpoints", "__pycache__", "__MACOSX", ".DS_Store", ".git")
 NOBODY = "belongs to nobody: its name begins with no student's, and it says no PACK of this class"
 AS_GIVEN, MADE_BY_PROGRAMS = "it is as it was handed out", "a program made it"
-SAME = "it is the same as another file of the student"
-EXPECTED = (AS_GIVEN, MADE_BY_PROGRAMS)  # reasons that nobody has to look at
-LARGEST = 4 * 2**20  # bytes of a file that is read
+DUPLICATE = "it is the same as another file of the student"
+NOT_REPORTED = (AS_GIVEN, MADE_BY_PROGRAMS)  # reasons that nobody has to look at
+LARGEST_FILE = 4 * 2**20  # bytes of a file that is read
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,10 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
     if not folder.is_dir():
         raise BadFile(f"there is no folder {folder}; give the one that holds the submissions")
     exercises = {
-        name: [one.exercise for one in key.exercises if one.sheet == name] for name in key.titles
+        name: [exercise.exercise for exercise in key.exercises if exercise.sheet == name]
+        for name in key.titles
     }
-    found: dict[str, list[Sheet]] = {student: [] for student in key.students}
+    sheets_of: dict[str, list[Sheet]] = {student: [] for student in key.students}
     unused: list[Unused] = []
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         below = path.relative_to(folder)
@@ -91,42 +92,44 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
         if student is None:
             unused.append(Unused(path, NOBODY))
         else:
-            found[student].append(sheet)
+            sheets_of[student].append(sheet)
     kept: dict[str, list[Sheet]] = {}
-    for student, some in found.items():
-        kept[student], left = _of_the_pack(student, some, exercises)
+    for student, sheets in sheets_of.items():
+        kept[student], left = _pack_files(student, sheets, exercises)
         unused += left
     return Submissions(kept, tuple(unused))
 
 
-def _of_the_pack(
-    student: str, some: list[Sheet], exercises: Mapping[str, list[str]]
+def _pack_files(
+    student: str, read: list[Sheet], exercises: Mapping[str, list[str]]
 ) -> tuple[list[Sheet], list[Unused]]:
     """A student's files of the pack, each with the others of Python beside it as helpers.
 
     A file that is as it was handed out is left out where there is another of its name: a student
     answers in the file or in the notebook. What is left out comes second.
     """
-    others = tuple(one.path for one in some if not one.name and one.path.suffix.lower() == ".py")
-    found = [one for one in some if one.name]
-    begun = {one.path for one in found if attempted(one.source, exercises[one.name])}
+    others = tuple(
+        sheet.path for sheet in read if not sheet.name and sheet.path.suffix.lower() == ".py"
+    )
+    of_pack = [sheet for sheet in read if sheet.name]
+    begun = {sheet.path for sheet in of_pack if attempted(sheet.source, exercises[sheet.name])}
     kept: dict[tuple[str, str], Sheet] = {}
-    for one in sorted(found, key=lambda one: one.path not in begun):
-        if one.path in begun or one.name not in {name for name, _ in kept}:
-            kept.setdefault((one.name, one.source), replace(one, helpers=others))
+    for sheet in sorted(of_pack, key=lambda sheet: sheet.path not in begun):
+        if sheet.path in begun or sheet.name not in {name for name, _ in kept}:
+            kept.setdefault((sheet.name, sheet.source), replace(sheet, helpers=others))
     sheets = list(kept.values())
-    taken = {one.path for one in sheets}
+    kept_paths = {sheet.path for sheet in sheets}
     left = [
-        Unused(one.path, SAME if one.path in begun else AS_GIVEN, student)
-        for one in found
-        if one.path not in taken
+        Unused(sheet.path, DUPLICATE if sheet.path in begun else AS_GIVEN, student)
+        for sheet in of_pack
+        if sheet.path not in kept_paths
     ]
-    wanted = " or ".join(f"{student}_{name}.py" for name in exercises)
-    why = f"neither its name nor its PACK tells that it is a file of the pack; call it {wanted}"
+    names = " or ".join(f"{student}_{name}.py" for name in exercises)
+    why = f"neither its name nor its PACK tells that it is a file of the pack; call it {names}"
     left += [
-        Unused(one.path, why, student)
-        for one in some
-        if not one.name and not (sheets and one.path in others)
+        Unused(sheet.path, why, student)
+        for sheet in read
+        if not sheet.name and not (sheets and sheet.path in others)
     ]
     return sheets, left
 
@@ -144,15 +147,15 @@ def read_sheet(path: Path, exercises: dict[str, list[str]]) -> Sheet:
         if re.search(rf"(?<![^\W_]){re.escape(name.lower())}(?![^\W_])", stem)
     ]
     if not named and read.pack is not None:
-        there = functions_in(read.source)
-        named = [name for name, some in exercises.items() if any(one in there for one in some)]
+        functions = functions_in(read.source).keys()
+        named = [name for name in exercises if functions & set(exercises[name])]
         named = named if len(named) == 1 else []
     return replace(read, name=max(named, key=len) if named else "")
 
 
 def _read(path: Path) -> Sheet:
     try:
-        text = bounded(path, LARGEST).decode("utf-8-sig")
+        text = bounded(path, LARGEST_FILE).decode("utf-8-sig")
         return Sheet("", path, _code(text) if path.suffix.lower() == ".ipynb" else text)
     except BadFile as error:
         return Sheet("", path, "", f"the file cannot be read: {error}")
@@ -192,15 +195,15 @@ def owner(path: Path, key: ClassKey) -> str | None:
         if named.lower() == student.lower():
             return student
     begins = f"{plain_name(named)}-"
-    found = {
+    lengths = {
         student: len(plain)
         for student, name in key.students.items()
         for plain in (plain_name(student), plain_name(name))
         if plain and begins.startswith(f"{plain}-")
     }
-    if not found:
+    if not lengths:
         return None
-    longest = [student for student, length in found.items() if length == max(found.values())]
+    longest = [student for student, length in lengths.items() if length == max(lengths.values())]
     if len(longest) > 1:
         both = " and ".join(key.students[student] for student in longest)
         raise BadFile(
@@ -220,9 +223,9 @@ def parsed(source: str) -> ast.Module:
 
 def attempted(source: str, exercises: Iterable[str]) -> bool:
     """Whether a file holds more than these functions as they were handed out."""
-    there = [text for name, text in functions_in(source).items() if name in exercises]
+    bodies = [text for name, text in functions_in(source).items() if name in exercises]
     stub = re.compile(r"raise Unsolved\([^\n]*\)")
-    return not there or not all(stub.fullmatch(text) for text in there)
+    return not bodies or not all(stub.fullmatch(text) for text in bodies)
 
 
 def functions_in(source: str) -> dict[str, str]:
@@ -237,20 +240,20 @@ def functions_in(source: str) -> dict[str, str]:
 # What a lecturer should look at. Remarks are no verdicts, and cost no points.
 
 
-def remarks_of(found: Submissions, key: ClassKey) -> dict[str, list[str]]:
+def remarks_of(submissions: Submissions, key: ClassKey) -> dict[str, list[str]]:
     """Remarks on the files of each student: whose they are, and what they import."""
-    said: dict[str, list[str]] = {student: [] for student in key.students}
-    for student, sheets in found.sheets.items():
+    remarks: dict[str, list[str]] = {student: [] for student in key.students}
+    for student, sheets in submissions.sheets.items():
         for sheet in sheets:
             others = {pack_name(key, other): name for other, name in key.students.items()}
             if sheet.pack is not None and sheet.pack != pack_name(key, student):
                 whom = others.get(str(sheet.pack), "somebody else")
-                said[student].append(f"{sheet.path.name} was handed out to {whom}")
+                remarks[student].append(f"{sheet.path.name} was handed out to {whom}")
             if "workbench.lectures" in sheet.source:
-                said[student].append(
+                remarks[student].append(
                     f"{sheet.path.name} names workbench.lectures, where published answers are"
                 )
-    for one in found.unused:
-        if one.student is not None and one.why not in EXPECTED:
-            said[one.student].append(f"{one.path.name} is not marked: {one.why}")
-    return said
+    for file in submissions.unused:
+        if file.student is not None and file.why not in NOT_REPORTED:
+            remarks[file.student].append(f"{file.path.name} is not marked: {file.why}")
+    return remarks

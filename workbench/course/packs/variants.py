@@ -114,40 +114,41 @@ class PackExercise:
     published: Lecture | None  # where a solution of the exercise in the lecture stands, or None
 
 
-def chosen(what: Sequence[str]) -> list[PackExercise]:
+def chosen_exercises(what: Sequence[str]) -> list[PackExercise]:
     """The exercises that are named, in the order of their names; none is there twice.
 
     Raises BadArgument, BadFile, UnknownName.
     """
-    found: dict[str, PackExercise] = {}
+    exercises: dict[str, PackExercise] = {}
     for name in what:
-        some = of_file(Path(name)) if name.endswith(".py") else _of_lecture(name)
-        found |= {one.number: one for one in some}
-    if not found:
+        read = _exercises_in_file if name.endswith(".py") else _exercises_of_lecture
+        exercises |= {exercise.number: exercise for exercise in read(name)}
+    if not exercises:
         raise BadArgument("a pack needs exercises: numbers of lectures (4), or of exercises (4.2)")
     sheets: dict[str, str] = {}
     owners: dict[tuple[str, str], str] = {}  # of names of numbers, which stand in one file
-    for one in found.values():
-        if sheets.setdefault(one.sheet, one.title) != one.title:
-            raise BadArgument(f"two files would be called {one.sheet}.py; rename {one.title}")
-        for name in one.variant.constants:
-            other = owners.setdefault((one.sheet, name), one.number)
-            if other != one.number:
+    for exercise in exercises.values():
+        sheet, title, number = exercise.sheet, exercise.title, exercise.number
+        if sheets.setdefault(sheet, title) != title:
+            raise BadArgument(f"two files would be called {sheet}.py; rename {title}")
+        for name in exercise.variant.constants:
+            other = owners.setdefault((sheet, name), number)
+            if other != number:
                 raise BadArgument(
-                    f"{name} is a number of exercise {other} and of exercise {one.number}, which "
-                    f"stand in one file, {one.sheet}.py; rename one of them"
+                    f"{name} is a number of exercise {other} and of exercise {number}, which stand "
+                    f"in one file, {sheet}.py; rename one of them"
                 )
-    return list(found.values())
+    return list(exercises.values())
 
 
-def variants_of(one: Lecture) -> list[PackExercise]:
+def variants_of(lecture: Lecture) -> list[PackExercise]:
     """All variants of a lecture, in the order of its exercises; none if it has no such file."""
-    if not (one.folder / FILE).is_file():
+    if not (lecture.folder / FILE).is_file():
         return []
-    title = f"lecture {one.number}, {one.title}"
-    names = list(one.exercises)
-    found = _in_module(one.module("variants"), str(one.number), names, one.folder_name, title, one)
-    return sorted(found, key=lambda exercise: names.index(exercise.variant.exercise))
+    names, module = list(lecture.exercises), lecture.module("variants")
+    title = f"lecture {lecture.number}, {lecture.title}"
+    varying = _in_module(module, str(lecture.number), names, lecture.folder_name, title, lecture)
+    return sorted(varying, key=lambda exercise: names.index(exercise.variant.exercise))
 
 
 def _in_module(
@@ -159,23 +160,25 @@ def _in_module(
     published: Lecture | None = None,
 ) -> list[PackExercise]:
     """The variants of a module, numbered by the places of their names."""
-    variants = [one for one in vars(module).values() if isinstance(one, Variant)]
-    places = {name: k for k, name in enumerate(names or [one.exercise for one in variants], 1)}
+    variants = [variant for variant in vars(module).values() if isinstance(variant, Variant)]
+    names = names or [variant.exercise for variant in variants]
+    places = {name: k for k, name in enumerate(names, 1)}
     return [
         PackExercise(
-            f"{number}.{places[one.exercise]}",
+            f"{number}.{places[variant.exercise]}",
             sheet,
             title,
-            one,
-            tuple(found for found in mistakes_in(module) if found.exercise == one.exercise),
+            variant,
+            tuple(m for m in mistakes_in(module) if m.exercise == variant.exercise),
             published,
         )
-        for one in variants
+        for variant in variants
     ]
 
 
-def of_file(path: Path) -> list[PackExercise]:
+def _exercises_in_file(name: str) -> list[PackExercise]:
     """All variants of a lecturer's own file. Raises BadFile."""
+    path = Path(name)
     if not path.is_file():
         raise BadFile(f"there is no file {path}; name a file with variants, or a lecture's number")
     spec = importlib.util.spec_from_file_location(f"variants_of_{path.stem}", path)
@@ -186,31 +189,31 @@ def of_file(path: Path) -> list[PackExercise]:
         spec.loader.exec_module(module)
     except Exception as error:
         raise BadFile(f"{path} does not run: {type(error).__name__}: {error}") from error
-    found = _in_module(module, path.stem, (), path.stem, path.stem)
-    if not found:
+    exercises = _in_module(module, path.stem, (), path.stem, path.stem)
+    if not exercises:
         raise BadFile(
             f"{path} has no variants; write them with `workbench.course.packs.variant`, as "
             "lectures/lec04_skinning/variants.py does"
         )
-    return found
+    return exercises
 
 
-def _of_lecture(name: str) -> list[PackExercise]:
+def _exercises_of_lecture(name: str) -> list[PackExercise]:
     if not re.fullmatch(r"\d{1,3}(\.\d{1,2})?", name):
         raise BadArgument(
             f"{name!r} is neither a lecture (4), nor an exercise (4.2), nor a file (mine.py)"
         )
-    one = lecture(int(name.partition(".")[0]))
-    some = variants_of(one)
-    if not some:
+    number = int(name.partition(".")[0])
+    varying = variants_of(lecture(number))
+    if not varying:
         raise WorkbenchError(
-            f"lecture {one.number} has no exercises with numbers that vary; write your own in a "
-            "file, and name that"
+            f"lecture {number} has no exercises with numbers that vary; write your own in a file, "
+            "and name that"
         )
     if "." not in name:
-        return some
-    these = [found for found in some if found.number == name]
-    if not these:
-        there = ", ".join(found.number for found in some)
-        raise UnknownName("exercise with numbers that vary", name, hint=there)
-    return these
+        return varying
+    named = [exercise for exercise in varying if exercise.number == name]
+    if not named:
+        numbers = ", ".join(exercise.number for exercise in varying)
+        raise UnknownName("exercise with numbers that vary", name, hint=numbers)
+    return named

@@ -87,11 +87,11 @@ def rows_of(
     problem: Problem,
     candidates: Mapping[str, Candidate],
     values: Mapping[str, ArrayLike],
-    made: dict[object, Problem],
+    known_problems: dict[object, Problem],
 ) -> dict[str, Array]:
     """The whitened rows (m, n) of each candidate by the problem's unknowns, at these values.
 
-    `made` keeps the problems that were made, for the next point. Raises UnknownName for a candidate
+    `known_problems` keeps the problems of residuals for the next point. Raises UnknownName for one
     that reads a block of no known value, and NotFinite for one whose rows hold NaN or infinity.
     """
     for name, one in candidates.items():
@@ -105,13 +105,17 @@ def rows_of(
                 raise UnknownName("block", block, known, more=more)
     plain = {name: one for name, one in candidates.items() if not one.values}
     several = [residual for one in plain.values() for residual in one.residuals]
-    J = _by_unknowns(problem, several, values, made) if plain else np.zeros((0, problem.free.size))
+    J = (
+        _by_unknowns(problem, several, values, known_problems)
+        if plain
+        else np.zeros((0, problem.free.size))
+    )
     edges = np.cumsum([0, *(sum(r.size for r in one.residuals) for one in plain.values())])
     rows = {name: J[slice(*edge)] for name, edge in zip(plain, pairwise(edges), strict=True)}
     for name, one in candidates.items():
         if name not in plain:
             at = dict(values) | dict(one.values)
-            rows[name] = _by_unknowns(problem, one.residuals, at, made)
+            rows[name] = _by_unknowns(problem, one.residuals, at, known_problems)
         if not np.isfinite(rows[name]).all():
             raise NotFinite(
                 f"candidate {name!r} has NaN or infinity in its Jacobian here; a camera may be "
@@ -124,16 +128,18 @@ def _by_unknowns(
     problem: Problem,
     residuals: Sequence[Residual],
     values: Mapping[str, ArrayLike],
-    made: dict[object, Problem],
+    known_problems: dict[object, Problem],
 ) -> Array:
     """The whitened rows (m, n) of some residuals by the problem's unknowns."""
     key = tuple(id(residual) for residual in residuals)
-    if key not in made:
+    if key not in known_problems:
         reads = {name for residual in residuals for name in residual.reads}
         free = [n for n in problem.free.spelled() if block_of(n, problem.free.names) in reads]
         numbered = [replace(r, name=f"{r.name} {i}") for i, r in enumerate(residuals)]
-        made[key] = Problem(numbered, free or sorted(reads)[:1], blocks=problem.known.values())
-    alone = made[key]
+        known_problems[key] = Problem(
+            numbered, free or sorted(reads)[:1], blocks=problem.known.values()
+        )
+    alone = known_problems[key]
     J = alone.linearize(values).dense
     rows = np.zeros((len(J), problem.free.size))
     for block in alone.free.blocks:

@@ -35,7 +35,7 @@ from workbench.diagnostics.diagnosis import Diagnosis, diagnose
 from workbench.errors import BadArgument, some_of
 from workbench.problem import Problem
 
-SHOWN = 12  # candidates in the text
+MOST_SHOWN = 12  # candidates in the text
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class MeasurementDesign:
         lines = [
             f"WHAT TO MEASURE NEXT: {len(self.chosen)} of {len(self.ranking)} candidates",
             f"by {self.criterion}{averaged}",
-            f"  before: {self._said(self.before)}",
+            f"  before: {self._in_words(self.before)}",
         ]
         if self.unit == SCALES:
             lines.append("  the characteristic scales are")
@@ -144,17 +144,21 @@ class MeasurementDesign:
             lines.append(f"  nothing determines {some_of(self.undetermined)}")
         lines += [f"EACH CANDIDATE BY ITSELF ({self.unit}; gain in nats)"]
         width = max(len(one.name) for one in self.ranking)
-        for place, one in enumerate(self.ranking[:SHOWN], 1):
-            sees = f", sees {one.sees} undetermined directions" if one.sees else ""
-            said = self._said(one.score)
-            lines.append(f"  {place:3}. {one.name:{width}}  {said}  ({one.nats:.2f} nats{sees})")
-        if len(self.ranking) > SHOWN:
+        for place, ranked in enumerate(self.ranking[:MOST_SHOWN], 1):
+            sees = f", sees {ranked.sees} undetermined directions" if ranked.sees else ""
+            sd = self._in_words(ranked.score)
+            lines.append(
+                f"  {place:3}. {ranked.name:{width}}  {sd}  ({ranked.nats:.2f} nats{sees})"
+            )
+        if len(self.ranking) > MOST_SHOWN:
             last = self.ranking[-1]
-            lines.append(f"  ... and {len(self.ranking) - SHOWN} more")
-            lines.append(f"  {len(self.ranking):3}. {last.name:{width}}  {self._said(last.score)}")
+            lines.append(f"  ... and {len(self.ranking) - MOST_SHOWN} more")
+            lines.append(
+                f"  {len(self.ranking):3}. {last.name:{width}}  {self._in_words(last.score)}"
+            )
         lines.append(f"THE CHOICE ({self.search})")
         for name, score in zip(self.chosen, self.steps, strict=True):
-            lines.append(f"  + {name:{width}}  {self._said(score)}")
+            lines.append(f"  + {name:{width}}  {self._in_words(score)}")
         lines.append("STANDARD DEVIATIONS by block, before and after (rms of the entries)")
         for block in self.free.blocks:
             before, after = self.sds(block.name)
@@ -188,7 +192,7 @@ class MeasurementDesign:
             },
         }
 
-    def _said(self, score: Score) -> str:
+    def _in_words(self, score: Score) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"
         if score.open:
             return f"{score.open} undetermined"
@@ -236,12 +240,12 @@ def design(
         raise BadArgument(f"1 to {len(known)} of the candidates can be chosen, not {choose}")
     names, sizes, words, unit = tuple(known), [], "", ""
     before, gradients, rows = [], [], []
-    made: dict[object, Problem] = {}
+    known_problems: dict[object, Problem] = {}
     for at in several:
         point = _point(problem, at)
         scales, words = point.scales.sizes, words or str(point.scales)
-        gradient, unit = _gradients(problem, criterion, at, scales, made)
-        seen = rows_of(problem, known, at, made)
+        gradient, unit = _gradients(problem, criterion, at, scales, known_problems)
+        seen = rows_of(problem, known, at, known_problems)
         left = directions_left(point, scales)
         if left is not None:
             gradient = combinations_left(gradient, left)
@@ -298,14 +302,14 @@ def _gradients(
     criterion: Criterion,
     at: Values,
     scales: Array,
-    made: dict[object, Problem],
+    known_problems: dict[object, Problem],
 ) -> tuple[Array, str]:
     """Columns (n, q) of what matters, by unknowns in their scales, and their unit."""
     quantity = criterion.quantity
     if quantity is None:
         return criterion.gradients(problem.free, scales)
     one = {quantity.name: Candidate((quantity.residual,))}
-    rows = rows_of(problem, one, at, made)[quantity.name]
+    rows = rows_of(problem, one, at, known_problems)[quantity.name]
     if not rows.any():
         raise BadArgument(
             f"no free number changes {quantity.name} here, so no candidate can tell more about it"

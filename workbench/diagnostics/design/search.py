@@ -22,9 +22,9 @@ from workbench.diagnostics.design.candidates import Size
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.problem import Linearization
 
-FEW = 3000  # combinations times points, up to which every one of them is looked at
-GAINED = 1e-9  # of the logarithm of a standard deviation: less is rounding
-PASSES = 20  # over all that is chosen, looking for exchanges
+MOST_COMBINATIONS = 3000  # times points, up to which every one of them is looked at
+LEAST_GAIN = 1e-9  # of the logarithm of a standard deviation: less is rounding
+MOST_PASSES = 20  # over all that is chosen, looking for exchanges
 NEGLIGIBLE = 1e-7  # of a quantity's gradient along null directions: rounding
 NOTHING = 1e-10  # of gradients, along what equations leave free
 
@@ -101,9 +101,11 @@ def directions_left(d: Diagnosis, scales: Array) -> Array | None:
     Equations are those among the constraints, and equal bounds of an unknown.
     """
     problem, active = d.problem, d.active
-    there = problem.stacked_constraints
-    of_constraints = np.zeros(0, dtype=bool) if there is None else there.equal[active.active]
-    equal = np.append(of_constraints, (problem.lower == problem.upper)[active.bounded])
+    constraints = problem.stacked_constraints
+    equations = np.zeros(0, dtype=bool)
+    if constraints is not None:
+        equations = constraints.equal[active.active]
+    equal = np.append(equations, (problem.lower == problem.upper)[active.bounded])
     return tangent_space(active.rows[equal] * scales) if equal.any() else None
 
 
@@ -139,7 +141,7 @@ class Score:
     def beats(self, other: "Score") -> bool:
         """Whether it is smaller by more than rounding."""
         ahead, behind = (self.open, self.null), (other.open, other.null)
-        return ahead < behind or (ahead == behind and self.log_sd < other.log_sd - GAINED)
+        return ahead < behind or (ahead == behind and self.log_sd < other.log_sd - LEAST_GAIN)
 
     @property
     def sd(self) -> float:
@@ -152,8 +154,8 @@ class Board:
     """What a search looks at: T points, and rows for each candidate at each of them.
 
     Attributes:
-        before: what is known at each d.
-        gradients: (n, q) of what matters, at each d.
+        before: what is known at each point.
+        gradients: (n, q) of what matters, at each point.
         size: the criterion's number for a half of a covariance.
         rows: by candidate and point, the whitened rows (m, n).
     """
@@ -190,7 +192,7 @@ def null(state: State) -> int:
 
 def searched(board: Board, choose: int, progress: Progress) -> tuple[tuple[int, ...], str]:
     """The candidates to choose, by number, the best first, and what was done in a sentence."""
-    few = choose == 1 or comb(len(board.rows), choose) * len(board.before) <= FEW
+    few = choose == 1 or comb(len(board.rows), choose) * len(board.before) <= MOST_COMBINATIONS
     chosen, how = (every_combination if few else greedy_with_exchange)(board, choose, progress)
     return in_order(board, chosen), how
 
@@ -236,16 +238,16 @@ def greedy_with_exchange(
     for step in range(choose):
         best, score = _best(board, board.measuring(chosen), sorted(every - {*chosen}))
         chosen.append(best)
-        progress(step + 1, (PASSES + 1) * choose)
+        progress(step + 1, (MOST_PASSES + 1) * choose)
     exchanges, tried = 0, 0  # tried since the last exchange
-    for number in range(PASSES * choose if choose < len(board.rows) else 0):
+    for number in range(MOST_PASSES * choose if choose < len(board.rows) else 0):
         place = number % choose
         rest = board.measuring(chosen[:place] + chosen[place + 1 :])
         best, better = _best(board, rest, sorted(every - {*chosen}))
         tried += 1
         if better.beats(score):
             chosen[place], score, exchanges, tried = best, better, exchanges + 1, 0
-        progress(choose + number + 1, (PASSES + 1) * choose)
+        progress(choose + number + 1, (MOST_PASSES + 1) * choose)
         if tried == choose:
             break
     times = {0: "no exchange", 1: "one exchange"}.get(exchanges, f"{exchanges} exchanges")

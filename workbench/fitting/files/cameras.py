@@ -18,20 +18,20 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.reading.facts import bounded, json_in, toml_in
 
-LARGEST = 1e6  # px: no image is wider or higher
+LARGEST_IMAGE = 1e6  # px: no image is wider or higher
 MOST_CAMERAS = 1000
 MOST_BYTES = 2**26  # of a calibration that is text; COLMAP's has the points of its images
 LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
-CENTIMETRES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
+CENTIMETRE_DISTANCES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
 LONGEST_NAME = 200  # characters, of a camera's name
-IDLE = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
-MATRICES = (4, 4), (3, 4)
+IDLE_KEYS = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
+MATRIX_SHAPES = (4, 4), (3, 4)
 SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {  # also as one row of numbers
     "K": ((3, 3), (4, 4), (3, 4), (4,)),
     "distortion": (),
     "R": ((3, 3), (3,)),
-    "t": ((3,), *MATRICES),
-    **dict.fromkeys(("extrinsic", "pose", "opengl"), MATRICES),
+    "t": ((3,), *MATRIX_SHAPES),
+    **dict.fromkeys(("extrinsic", "pose", "opengl"), MATRIX_SHAPES),
 }
 COLMAP = {  # its models: the numbers of the parameters fx, fy, cx, cy, k1, k2, p1, p2
     "SIMPLE_PINHOLE": (0, 0, 1, 2),
@@ -40,19 +40,19 @@ COLMAP = {  # its models: the numbers of the parameters fx, fy, cx, cy, k1, k2, 
     "RADIAL": (0, 0, 1, 2, 3, 4),
     "OPENCV": (0, 1, 2, 3, 4, 5, 6, 7),
 }
-MATRIX = re.compile(r"rows:\s*(\d{1,6})\s+cols:\s*(\d{1,6})\s[^\[]{0,40}?data:")
-PAIRS = {"intri": "extri", "extri": "intri"}  # EasyMocap's and OpenCV's files go together
+MATRIX_HEAD = re.compile(r"rows:\s*(\d{1,6})\s+cols:\s*(\d{1,6})\s[^\[]{0,40}?data:")
+FILE_PAIRS = {"intri": "extri", "extri": "intri"}  # EasyMocap's and OpenCV's files go together
 
 Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `notes` of each
 Table = Mapping[str, Any]
 
 
-def size_in(path: str | Path, where: str, given: Any) -> tuple[int, int]:
+def size_in(path: str | Path, where: str, entry: Any) -> tuple[int, int]:
     """The width and height of an image in px; `where` names it in the error. Raises BadFile."""
-    numbers = numbers_in(path, f"{where}: size", given)
-    if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST)).all():  # nor NaN
+    numbers = numbers_in(path, f"{where}: size", entry)
+    if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST_IMAGE)).all():  # nor NaN
         raise BadFile(
-            f"{path}: {where} has the size {shown(given)}; it must be width and height in px"
+            f"{path}: {where} has the size {shown(entry)}; it must be width and height in px"
         )
     return int(numbers[0]), int(numbers[1])
 
@@ -72,22 +72,22 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
     Raises BadFile, for a fisheye camera too.
     """
     path = Path(path)
-    tables, panoptic = _tables(path)
+    tables, panoptic = _camera_tables(path)
     if len(tables) > MOST_CAMERAS:
         raise BadFile(
             f"{path} holds {len(tables):,} cameras, and at most {MOST_CAMERAS:,} are read; leave "
             "out those that saw nothing"
         )
-    plain = [(name, _plain(path, name, table)) for name, table in tables]
-    vectors = [one for _, one in plain if "R" in one and one["R"].shape == (3,)]
+    plain = [(name, _known_entries(path, name, table)) for name, table in tables]
+    vectors = [entry for _, entry in plain if "R" in entry and entry["R"].shape == (3,)]
     notes: tuple[str, ...] = ()
-    if any(LONGEST_ROTATION < np.linalg.norm(one["R"]) < np.inf for one in vectors):
+    if any(LONGEST_ROTATION < np.linalg.norm(entry["R"]) < np.inf for entry in vectors):
         notes = (
             "rotation vectors are taken to be in degrees, as one of them is longer than a whole "
             "turn in radians",
         )
-        for one in vectors:
-            one["R"] = np.radians(one["R"])
+        for entry in vectors:
+            entry["R"] = np.radians(entry["R"])
     cameras: Calibration = {}
     for key, entries in plain:
         name = Path(str(entries.get("name", key))).name or key
@@ -101,8 +101,8 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
         camera = _camera(path, f"camera {shown(name)}", entries, len(plain) == 1, camera_to_world)
         of_it = f"of camera {shown(name)}, not read are {some(sorted(entries['unread']))}"
         cameras[name] = camera | {"notes": (*notes, of_it) if entries["unread"] else notes}
-    far = [np.linalg.norm(one["t"]) for one in cameras.values() if one["t"] is not None]
-    if panoptic and far and CENTIMETRES[0] < np.median(far) < CENTIMETRES[1]:
+    far = [np.linalg.norm(entry["t"]) for entry in cameras.values() if entry["t"] is not None]
+    if panoptic and far and CENTIMETRE_DISTANCES[0] < np.median(far) < CENTIMETRE_DISTANCES[1]:
         note = "translations are taken to be in cm, as CMU Panoptic has them"
         for camera in cameras.values():
             camera |= {"t": 0.01 * camera["t"], "notes": (note, *camera["notes"])}
@@ -125,35 +125,32 @@ def cameras_of(
     if calibration is None:
         return {}
     cameras = read_calibration(calibration, camera_to_world=camera_to_world)
+    words = {name: rf"(?<![^\W_]){re.escape(name)}(?![^\W_])" for name in cameras}
     own = [
-        [name for name in cameras if name == path.parent.name or re.search(_word(name), path.name)]
+        [name for name in cameras if name == path.parent.name or re.search(words[name], path.name)]
         for path in paths
     ]
-    names = [one[0] for one in own if len(one) == 1]
+    names = [matching[0] for matching in own if len(matching) == 1]
     if names == [*cameras] or not len({*names}) == len(paths) <= len(cameras):
         return cameras
     note = f"cameras are taken by the names of the files: {some(names)}"
     return {n: cameras[n] | {"notes": (*cameras[n]["notes"], note)} for n in names}
 
 
-def _word(name: str) -> str:
-    return rf"(?<![^\W_]){re.escape(name)}(?![^\W_])"
-
-
 @cache
-def _called() -> dict[str, str]:
+def _keys_by_alias() -> dict[str, str]:
     """The keys of numbers of a camera, by what tools call them, without capitals and separators."""
     text = (files("workbench") / "data" / "cameras" / "keys.csv").read_text(encoding="utf-8")
     rows = [line.split(",") for line in text.splitlines()[1:]]
     return {alias: key for key, aliases in rows for alias in aliases.split()}
 
 
-def _key(key: object) -> str:
+def _known_key(key: object) -> str:
     """What is called so in the files of tools; empty if it is not known."""
-    return _called().get(re.sub(r"[\W_]", "", str(key)[:60]).lower(), "")
+    return _keys_by_alias().get(re.sub(r"[\W_]", "", str(key)[:60]).lower(), "")
 
 
-def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
+def _camera_tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
     """The entries of each camera as a file has them, by name, and whether it is Panoptic's."""
     if path.is_dir():
         path /= "cameras.txt" if (path / "cameras.txt").exists() else "intri.yml"
@@ -162,7 +159,7 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
         return _colmap(path), False
     if suffix in (".yml", ".yaml", ".xml"):
         data: Any = _storage(path)
-        for own, other in PAIRS.items():
+        for own, other in FILE_PAIRS.items():
             partner = path.with_name(path.name.replace(own, other))
             if own in path.stem and partner.exists():
                 data |= _storage(partner)
@@ -173,48 +170,50 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
         panoptic = "calibDataSource" in data
         for key in ("cameras", "frames"):
             if isinstance(data.get(key), list | dict):
-                shared = {k: one for k, one in data.items() if _key(k) not in ("", "name")}
+                shared = {
+                    k: entry for k, entry in data.items() if _known_key(k) not in ("", "name")
+                }
                 data = data[key]
                 break
         else:
             data = _of_storage(data)
     listed = [*data.items()] if isinstance(data, dict) else []
     if isinstance(data, list):
-        listed = [(str(i), one) for i, one in enumerate(data)]
+        listed = [(str(i), entry) for i, entry in enumerate(data)]
     numbers = {*SHAPES, "fx"}
-    found: list[tuple[str, Table]] = [
-        (str(name), {**shared, **one})
-        for name, one in listed
-        if isinstance(one, dict) and numbers & {*map(_key, one)}
+    cameras: list[tuple[str, Table]] = [
+        (str(name), {**shared, **entry})
+        for name, entry in listed
+        if isinstance(entry, dict) and numbers & {*map(_known_key, entry)}
     ]
-    if not found:
+    if not cameras:
         keys = f"it has the keys {some(map(str, data))}" if isinstance(data, dict) else shown(data)
         raise BadFile(
             f"{path} holds no cameras ({keys}); cameras are objects with K, R and t, by name or in "
             "a list, and howto/formats.md says what else is read"
         )
-    return found, panoptic
+    return cameras, panoptic
 
 
-def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
-    """A camera's numbers under the keys of `_called`, and the keys not read under `unread`."""
+def _known_entries(path: Path, name: str, table: Table) -> dict[str, Any]:
+    """A camera's numbers under the keys of `_keys_by_alias`, and others under `unread`."""
     entries: dict[str, Any] = {"unread": []}
     for key, value in table.items():
-        known = _key(key)
+        known = _known_key(key)
         if isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys():
             value = value["data"]  # a matrix of FileStorage
         if isinstance(value, dict) and known in ("K", "extrinsic", "pose"):
-            inner = _plain(path, name, value)  # an object of intrinsics, or of extrinsics
+            inner = _known_entries(path, name, value)  # an object of intrinsics, or of extrinsics
             entries["unread"] += inner.pop("unread")
             entries |= inner
         elif known in SHAPES and value is not None:
             what = f"{known} of camera {shown(name)}"
             numbers = numbers_in(path, what, value)
-            fitting = [one for one in SHAPES[known] if np.prod(one) == numbers.size]
+            fitting = [shape for shape in SHAPES[known] if np.prod(shape) == numbers.size]
             entries[known] = numbers.reshape(fitting[0]) if fitting else numbers
         elif known and value is not None:
             entries[known] = value
-        elif value is not None and re.sub(r"[\W_]", "", str(key)[:60]).lower() not in IDLE:
+        elif value is not None and re.sub(r"[\W_]", "", str(key)[:60]).lower() not in IDLE_KEYS:
             entries["unread"].append(str(key))
     if not isinstance(entries.get("name", ""), str | int):
         raise BadFile(
@@ -269,7 +268,7 @@ def _lens(path: Path, of: str, entries: Table) -> tuple[Array | None, Array]:
         K[1] = K[0] if "fy" not in entries else K[1]
     if K is not None and K.shape == (4,):
         K = np.array([[K[0], 0, K[2]], [0, K[1], K[3]], [0, 0, 1]])
-    elif K is not None and K.shape in MATRICES:
+    elif K is not None and K.shape in MATRIX_SHAPES:
         K = K[:3, :3]
     named = [entries.get(key, 0.0) for key in ("k1", "k2", "p1", "p2", "k3")]
     k = entries.get("distortion", numbers_in(path, f"distortion of {of}", named)).ravel()
@@ -280,7 +279,7 @@ def _extrinsic(path: Path, of: str, entries: Table) -> tuple[Array | None, bool]
     """A camera's extrinsics (3, 4), or None, and whether they are camera to world."""
     key = next((key for key in ("pose", "opengl", "extrinsic") if key in entries), "t")
     E = entries.get(key)
-    if E is not None and key == "t" and E.shape not in MATRICES:  # or T is the whole matrix
+    if E is not None and key == "t" and E.shape not in MATRIX_SHAPES:  # or T is the whole matrix
         R = entries.get("R")
         if R is None:
             return None, False
@@ -293,7 +292,7 @@ def _extrinsic(path: Path, of: str, entries: Table) -> tuple[Array | None, bool]
         E = np.column_stack([R, E])
     if E is None:
         return None, False
-    if E.shape not in MATRICES:
+    if E.shape not in MATRIX_SHAPES:
         raise BadFile(f"{path}: {of} has extrinsics of shape {E.shape}, not (3, 4) or (4, 4)")
     if E.shape == (4, 4) and not E[:3, 3].any() and E[3, :3].any():
         E = E.T  # of row vectors, as graphics has them: the translation is in the last row
@@ -316,25 +315,25 @@ def _storage(path: Path) -> dict[str, Any]:
             if "<!" in text:
                 raise BadFile("it declares entities or a type, which FileStorage does not")
             for element in ElementTree.fromstring(text):
-                lines = [f"{one.tag}: {one.text}" for one in element]
+                lines = [f"{child.tag}: {child.text}" for child in element]
                 blocks[str(element.tag)] = "\n".join(lines) or str(element.text)
         except (ElementTree.ParseError, ValueError, BadFile) as error:
             raise BadFile(f"{path} cannot be read as XML: {cut(error)}") from error
     for line in text.splitlines() if not blocks else ():
-        if found := re.match(r"([\w.\-]+)[ \t]*:(.*)", line):
-            key = found[1]
-            blocks[key] = found[2]
+        if entry := re.match(r"([\w.\-]+)[ \t]*:(.*)", line):
+            key = entry[1]
+            blocks[key] = entry[2]
         elif key and not line.startswith(("%", "#", "---")):
             blocks[key] += "\n" + line
-    return {key: _value(path, key, block.strip()) for key, block in blocks.items()}
+    return {key: _storage_value(path, key, block.strip()) for key, block in blocks.items()}
 
 
-def _value(path: Path, key: str, block: str) -> Any:
+def _storage_value(path: Path, key: str, block: str) -> Any:
     """A matrix, a list, a number or a text of FileStorage."""
     try:
-        if found := MATRIX.search(block):
-            rows, cols = int(found[1]), int(found[2])
-            numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[found.end() :])]
+        if head := MATRIX_HEAD.search(block):
+            rows, cols = int(head[1]), int(head[2])
+            numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[head.end() :])]
             if len(numbers) != rows * cols:
                 raise BadFile(f"{path}: {key} holds {len(numbers)} numbers, not {rows} x {cols}")
             return {"rows": rows, "cols": cols, "data": numbers}
@@ -342,7 +341,7 @@ def _value(path: Path, key: str, block: str) -> Any:
             return re.findall(r"[^\s\[\],\"'-][^\s\[\],\"']*", block)
         return float(block)
     except ValueError as error:
-        if MATRIX.search(block):
+        if MATRIX_HEAD.search(block):
             raise BadFile(f"{path}: {key} must be numbers, not {shown(block)}") from error
         return block.strip("\"'")
 
@@ -352,30 +351,32 @@ def _of_storage(data: dict[str, Any]) -> Any:
     names = data.get("names")
     if isinstance(names, list):
         return {
-            str(n): {k.removesuffix(f"_{n}"): one for k, one in data.items() if k.endswith(f"_{n}")}
+            str(n): {
+                k.removesuffix(f"_{n}"): value for k, value in data.items() if k.endswith(f"_{n}")
+            }
             for n in names
         }
     ends = {
         end: {
-            k[:-1]: one
-            for k, one in data.items()
-            if k.endswith(end) and _key(k[:-1]) in ("K", "distortion")
+            k[:-1]: value
+            for k, value in data.items()
+            if k.endswith(end) and _known_key(k[:-1]) in ("K", "distortion")
         }
         for end in ("1", "2")
     }
-    if all("K" in map(_key, one) for one in ends.values()):
+    if all("K" in map(_known_key, value) for value in ends.values()):
         ends["1"] |= {"R": np.eye(3).tolist(), "T": [0.0] * 3}
         ends["2"] |= {key: data[key] for key in ("R", "T") if key in data}
         return ends
-    if {"K", "fx"} & {*map(_key, data)}:
-        return {"camera": {key: one for key, one in data.items() if _key(key)}}
+    if {"K", "fx"} & {*map(_known_key, data)}:
+        return {"camera": {key: value for key, value in data.items() if _known_key(key)}}
     return data
 
 
 def _colmap(path: Path) -> list[tuple[str, Table]]:
     """The images of COLMAP's text, each a camera by its name: cameras.txt and images.txt."""
     lenses: dict[str, dict[str, Any]] = {}
-    found: list[tuple[str, Table]] = []
+    cameras: list[tuple[str, Table]] = []
     lines = [
         [line for line in _text(path.with_name(name)).splitlines() if not line.startswith("#")]
         for name in ("cameras.txt", "images.txt")
@@ -394,9 +395,9 @@ def _colmap(path: Path) -> list[tuple[str, Table]]:
             _, *numbers, camera, name = line.split(maxsplit=9)
             w, x, y, z, *t = map(float, numbers)
             R = Rotation.from_quat([x, y, z, w]).as_matrix().tolist()
-            found.append((Path(name).stem, {**lenses[camera], "R": R, "t": t}))
+            cameras.append((Path(name).stem, {**lenses[camera], "R": R, "t": t}))
     except (ValueError, IndexError, KeyError) as error:
         raise BadFile(f"{path} cannot be read as COLMAP's text: {cut(error)}") from error
-    if not found:
+    if not cameras:
         raise BadFile(f"{path} holds no cameras: images.txt names no image")
-    return found
+    return cameras

@@ -1,6 +1,7 @@
 """A clip in files: a keypoint file for each frame or one for all, of one camera or several."""
 
 import re
+from collections.abc import Sequence
 from math import gcd
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,12 @@ from workbench.fitting.files.keypoints import (
     person_of,
 )
 from workbench.fitting.files.points import DetectedPerson, how_large
-from workbench.fitting.observations import PLACING, Clip, Film
+from workbench.fitting.observations import FEWEST_PLACING, Clip, Film
 from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
 FARTHEST_STEP = 1.0  # of a person between two frames, in diagonals of the person's box
+DIFFERENT = "files list different keypoints; give one detector's"
 Frame = tuple[Path, Any]  # a file, and what it says of one frame; None for all of it
 
 
@@ -51,19 +53,8 @@ def read_clip(
     Raises BadFile, UnknownName, BadArgument or BadObservation.
     """
     root = Path(folder)
-    if not root.is_dir() and not (root.is_file() and root.suffix.lower() == ".json"):
-        raise BadFile(
-            f"{root} is no folder; a clip is a folder with a JSON file for each frame, or one "
-            ".json of AlphaPose or COCO with all of them"
-        )
     above_zero("a clip", fps=fps)
-    inside = root.iterdir() if root.is_dir() else ()
-    inner = sorted(one for one in inside if one.is_dir() and any(one.glob("*.json")))
-    if inner and any(root.glob("*.json")):
-        raise BadFile(
-            f"{root} holds JSON files and folders of JSON files; give the folder of one camera, or "
-            "one that holds nothing but a folder for each camera"
-        )
+    inner = _folders_of_cameras(root)
     cameras = inner or [root]
     known = cameras_of(cameras, calibration, camera_to_world)
     if len(known) != len(cameras) and (known or len(cameras) > 1):
@@ -71,43 +62,70 @@ def read_clip(
             f"{root} holds the frames of {len(cameras)} cameras, and {len(known)} are calibrated; "
             "give --cameras FILE with one camera for each folder"
         )
-    names = [one.name for one in cameras] if inner else list(known) or ["camera"]
+    names = [path.name for path in cameras] if inner else list(known) or ["camera"]
     by_name = {*names} <= {*known}
-    numbered = [_numbered(one) for one in cameras]
+    numbered = [_numbered(path) for path in cameras]
     numbers = sorted({n for files in numbered for n in files})
     step = gcd(*np.diff(numbers).tolist()) or 1
     frames = range(numbers[0], numbers[-1] + 1, step)
     if len(frames) > MOST_FRAMES:
         raise BadFile(f"{root} has frames {frames[0]} to {frames[-1]}; at most {MOST_FRAMES:,}")
-    notes, films, first = [], [], None
+    notes: list[str] = []
+    films: list[Film] = []
+    keypoints: tuple[str, ...] = ()
     for i, (name, files) in enumerate(zip(names, numbered, strict=True)):
         camera = known[name] if by_name else list(known.values())[i] if known else {}
         people, more = _followed(files, frames, size or camera.get("size"), person)
         notes += more
-        seen = [one for one in people if one is not None]
-        if not seen:
-            raise BadFile(f"{cameras[i]}: no frame holds a person")
-        sizes = {one.size for one in seen}
-        if len(sizes) > 1 or None in sizes:
-            raise BadFile(
-                f"{cameras[i]}: images have the sizes {sorted(map(str, sizes))}; a clip has one, "
-                "which --size WIDTHxHEIGHT says"
-            )
-        whole = tuple(dict.fromkeys(n for one in seen for n in one.names))
-        first = first or whole
-        if {one.body for one in seen} != {seen[0].body} or not set(whole) <= set(first):
-            raise BadFile(f"{cameras[i]}: files list different keypoints; give one detector's")
-        points = np.zeros((len(frames), len(first), 3))
-        for t, one in enumerate(people):
-            if one is not None:
-                points[t, [first.index(n) for n in one.names]] = one.points
-        image = seen[0].size
-        assert image is not None
+        own_keypoints, image = _described(cameras[i], people)
+        keypoints = keypoints or own_keypoints
+        if not set(own_keypoints) <= set(keypoints):
+            raise BadFile(f"{cameras[i]}: {DIFFERENT}")
+        points = np.zeros((len(frames), len(keypoints), 3))
+        for t, detected in enumerate(people):
+            if detected is not None:
+                points[t, [keypoints.index(n) for n in detected.names]] = detected.points
         calibrated = calibration_of(camera, focal, image)
         films.append(Film(name, image, points[..., :2], points[..., 2], *calibrated))
-    assert first is not None
     notes += notes_on(calibration, known)
-    return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
+    return Clip(keypoints, tuple(films), fps, tuple(dict.fromkeys(notes)))
+
+
+def _folders_of_cameras(root: Path) -> list[Path]:
+    """The folders of cameras in that of a clip; none if it holds the frames of a single camera."""
+    if root.is_file() and root.suffix.lower() == ".json":
+        return []
+    if not root.is_dir():
+        raise BadFile(
+            f"{root} is no folder; a clip is a folder with a JSON file for each frame, or one "
+            ".json of AlphaPose or COCO with all of them"
+        )
+    inner = sorted(path for path in root.iterdir() if path.is_dir() and any(path.glob("*.json")))
+    if inner and any(root.glob("*.json")):
+        raise BadFile(
+            f"{root} holds JSON files and folders of JSON files; give the folder of one camera, or "
+            "one that holds nothing but a folder for each camera"
+        )
+    return inner
+
+
+def _described(
+    camera: Path, people: Sequence[DetectedPerson | None]
+) -> tuple[tuple[str, ...], tuple[int, int]]:
+    """The keypoints that a camera's frames list, and the size of its images. Raises BadFile."""
+    seen = [detected for detected in people if detected is not None]
+    if not seen:
+        raise BadFile(f"{camera}: no frame holds a person")
+    image, *other_sizes = {detected.size for detected in seen}
+    if other_sizes or image is None:
+        sizes = sorted({str(detected.size) for detected in seen})
+        raise BadFile(
+            f"{camera}: images have the sizes {sizes}; a clip has one, which --size WIDTHxHEIGHT "
+            "says"
+        )
+    if len({detected.body for detected in seen}) > 1:
+        raise BadFile(f"{camera}: {DIFFERENT}")
+    return tuple(dict.fromkeys(name for detected in seen for name in detected.names)), image
 
 
 def _numbered(folder: Path) -> dict[int, Frame]:
@@ -118,24 +136,26 @@ def _numbered(folder: Path) -> dict[int, Frame]:
         if not parts:
             raise BadFile(f"{paths[0]} holds no frame with a person")
         return {number: (paths[0], part) for number, part in parts.items()}
-    found: dict[int, Frame] = {}
+    frames: dict[int, Frame] = {}
     for path in paths:
         number = number_in(path.name)
         if number is None:
             raise BadFile(f"{path}: the name of a frame holds its number, such as frame_012.json")
-        if number in found:
-            raise BadFile(f"{found[number][0]} and {path} have the same number, {number}; keep one")
-        found[number] = path, None
-    if not found:
+        if number in frames:
+            raise BadFile(
+                f"{frames[number][0]} and {path} have the same number, {number}; keep one"
+            )
+        frames[number] = path, None
+    if not frames:
         raise BadFile(f"{folder} holds no JSON file; a clip has one for each frame")
-    return found
+    return frames
 
 
 def _followed(
     files: dict[int, Frame], frames: range, size: tuple[int, int] | None, person: int | None
 ) -> tuple[list[DetectedPerson | None], list[str]]:
     """One person in every frame, or None, and notes."""
-    found: list[DetectedPerson | None] = []
+    followed: list[DetectedPerson | None] = []
     last: Array | None = None
     several = lost = 0
     path, part = next(iter(files.values()))
@@ -144,23 +164,23 @@ def _followed(
         people = _people(files[number], size) if number in files else {}
         several += len(people) > 1
         if not people:
-            found.append(None)
+            followed.append(None)
         elif last is None:
             if person is not None and person not in people:
                 raise UnknownName("person", str(person), map(str, people))
             best = max(people, key=lambda i: how_large(people[i].points))
-            found.append(people[best if person is None else person])
+            followed.append(people[best if person is None else person])
         else:
-            near = {i: _apart(last, one.points) for i, one in people.items()}
+            near = {i: _apart(last, detected.points) for i, detected in people.items()}
             i = min(near, key=lambda i: near[i])
-            found.append(people[i] if near[i] < FARTHEST_STEP else None)
-            lost += found[-1] is None
-        one = found[-1]
-        if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
-            last = one.points  # fewer keypoints do not say how large a person is
+            followed.append(people[i] if near[i] < FARTHEST_STEP else None)
+            lost += followed[-1] is None
+        detected = followed[-1]
+        if detected is not None and (detected.points[:, 2] > 0).sum() >= FEWEST_PLACING:
+            last = detected.points  # fewer keypoints do not say how large a person is
     alike: dict[str, list[str]] = {}  # notes on frames that say the same, whatever the numbers
-    for one in found:
-        for note in () if one is None else one.notes:
+    for detected in followed:
+        for note in () if detected is None else detected.notes:
             alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
     notes = [
         same[0] if len(same) == 1 else f"{same[0]} (and so in {len(same)} frames)"
@@ -177,20 +197,20 @@ def _followed(
         )
     if lost:
         notes.append(f"{folder}: in {lost} frames nobody is near to where the person was: gaps")
-    return found, notes
+    return followed, notes
 
 
 def _people(frame: Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
     """The people of a frame who have a keypoint, by their number in it."""
     path, part = frame
     content = json_in(path) if part is None else part
-    there = people_of(path, content)
-    if len(there) > MOST_PEOPLE:
+    numbers = people_of(path, content)
+    if len(numbers) > MOST_PEOPLE:
         raise BadFile(
-            f"{path} holds {len(there):,} people in one image; a frame of a clip, {MOST_PEOPLE}"
+            f"{path} holds {len(numbers):,} people in one image; a frame of a clip, {MOST_PEOPLE}"
         )
-    people = {i: person_of(path, content, size, i) for i in there}
-    return {i: one for i, one in people.items() if (one.points[:, 2] > 0).any()}
+    people = {i: person_of(path, content, size, i) for i in numbers}
+    return {i: detected for i, detected in people.items() if (detected.points[:, 2] > 0).any()}
 
 
 def _apart(last: Array, now: Array) -> float:

@@ -29,13 +29,13 @@ from workbench.fitting.files.points import (
 from workbench.fitting.observations import Observations, Photograph, pinhole
 from workbench.reading.facts import json_in
 
-PEOPLE = (  # lists of people: of OpenPose, AlphaPose, COCO, EasyMocap, MMPose and Roboflow
+PEOPLE_KEYS = (  # lists of people: of OpenPose, AlphaPose, COCO, EasyMocap, MMPose and Roboflow
     *("people", "bodies", "annotations", "annots", "instances", "instance_info", "predictions"),
 )
-MAIN = ("keypoints", "pose_keypoints_2d", "pose_keypoints", "joints")  # of one person
-SCORES = ("keypoint_scores", "scores", "keypoints_visible")  # beside keypoints (M, 2)
-IMAGE = ("image_id", "frame_id", "frame_index", "frame", "filename")  # what an image is called
-SIZE = (  # keys of an image's width and height
+KEYPOINT_KEYS = ("keypoints", "pose_keypoints_2d", "pose_keypoints", "joints")  # of one person
+SCORE_KEYS = ("keypoint_scores", "scores", "keypoints_visible")  # beside keypoints (M, 2)
+IMAGE_KEYS = ("image_id", "frame_id", "frame_index", "frame", "filename")  # what an image is called
+SIZE_KEYS = (  # keys of an image's width and height
     *(("width", "height"), ("canvas_width", "canvas_height"), ("imageWidth", "imageHeight")),
 )
 MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
@@ -49,12 +49,12 @@ def number_in(name: Any) -> int | None:
     return int(digits[-1]) if digits else None
 
 
-def _has_people(given: Any) -> bool:
-    return isinstance(given, dict) and any(isinstance(given.get(key), list) for key in PEOPLE)
+def _has_people(entry: Any) -> bool:
+    return isinstance(entry, dict) and any(isinstance(entry.get(key), list) for key in PEOPLE_KEYS)
 
 
-def _has_keypoints(given: Any) -> bool:
-    return isinstance(given, dict) and any(key in given for key in MAIN)
+def _has_keypoints(entry: Any) -> bool:
+    return isinstance(entry, dict) and any(key in entry for key in KEYPOINT_KEYS)
 
 
 def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
@@ -67,29 +67,29 @@ def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
     if isinstance(data, dict) and data and all(map(_has_people, data.values())):
         return [*data.items()]
     if isinstance(data, dict):
-        about = {key: one for key, one in data.items() if key not in (*PEOPLE, "keypoints")}
+        about = {key: data[key] for key in data if key not in (*PEOPLE_KEYS, "keypoints")}
         frames = data.get("instance_info")
         if isinstance(data.get("skeleton"), dict) and isinstance(data.get("keypoints"), list):
             return [  # of easy_ViTPose: an object of people for each frame, points as v, u
-                (i, about | {"people": [{"keypoints": _turned(one)} for one in frame.values()]})
+                (i, about | {"people": [{"keypoints": _v_u_exchanged(p)} for p in frame.values()]})
                 for i, frame in enumerate(data["keypoints"])
                 if isinstance(frame, dict)
             ]
     if not isinstance(frames, list) or not frames:
         return None
     if all(map(_has_people, frames)):
-        names = [next((one[key] for key in IMAGE if key in one), i) for i, one in enumerate(frames)]
-        return [(name, about | one) for name, one in zip(names, frames, strict=True)]
-    if all(isinstance(one, list) and all(map(_has_keypoints, one)) for one in frames):
-        return [(i, one) for i, one in enumerate(frames)] if any(frames) else None
+        names = [next((f[key] for key in IMAGE_KEYS if key in f), i) for i, f in enumerate(frames)]
+        return [(name, about | entry) for name, entry in zip(names, frames, strict=True)]
+    if all(isinstance(entry, list) and all(map(_has_keypoints, entry)) for entry in frames):
+        return [(i, entry) for i, entry in enumerate(frames)] if any(frames) else None
     return None
 
 
-def _turned(points: Any) -> Any:
+def _v_u_exchanged(points: Any) -> Any:
     """Points of v, u, confidence as u, v, confidence."""
-    if not isinstance(points, list) or not all(is_point(one) for one in points):
+    if not isinstance(points, list) or not all(is_point(point) for point in points):
         return points
-    return [[one[1], one[0], *one[2:]] for one in points]
+    return [[point[1], point[0], *point[2:]] for point in points]
 
 
 def by_image(path: Path, data: Any) -> dict[int, Any]:
@@ -98,18 +98,18 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
     Each entry has the form of a file on one image. Raises BadFile if the file does not say which
     image a person is in.
     """
-    found: dict[int, Any] = {}
+    images: dict[int, Any] = {}
     frames = frames_in(data)
     if frames is not None:
-        for name, one in frames:
-            number = _number(path, "an entry", name)
-            if number in found:
+        for name, entry in frames:
+            number = _frame_number(path, "an entry", name)
+            if number in images:
                 raise BadFile(f"{path}: two images have the number {number}, in {shown(name)} too")
-            found[number] = one
+            images[number] = entry
     elif isinstance(data, list) and data:
-        for i, one in enumerate(data):
-            name = one.get("image_id") if isinstance(one, dict) else None
-            found.setdefault(_number(path, f"[{i}]", name), []).append(one)
+        for i, entry in enumerate(data):
+            name = entry.get("image_id") if isinstance(entry, dict) else None
+            images.setdefault(_frame_number(path, f"[{i}]", name), []).append(entry)
     elif isinstance(data, dict) and isinstance(data.get("annotations"), list):
         return _annotated(path, data)
     else:
@@ -117,31 +117,31 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
             f"{path} does not say which image a person is in; give a file of AlphaPose or COCO "
             "with an `image_id` for each person, or a folder with a file for each frame"
         )
-    return dict(sorted(found.items()))
+    return dict(sorted(images.items()))
 
 
 def _annotated(path: Path, data: dict[str, Any]) -> dict[int, Any]:
     """The annotations of each image of COCO's form, numbered by file names if all have numbers."""
     images = data.get("images", [])
-    if not isinstance(images, list) or not all(isinstance(one, dict) for one in images):
+    if not isinstance(images, list) or not all(isinstance(entry, dict) for entry in images):
         raise BadFile(f"{path}: images must be a list of objects, not {shown(images)}")
-    known = {str(one.get("id")): one for one in images}
-    numbers = {name: number_in(one.get("file_name")) for name, one in known.items()}
+    known = {str(entry.get("id")): entry for entry in images}
+    numbers = {name: number_in(entry.get("file_name")) for name, entry in known.items()}
     named = None not in numbers.values() and len({*numbers.values()}) == len(numbers)
-    about = {key: one for key, one in data.items() if key == "categories"}
-    found: dict[int, Any] = {}
-    for i, one in enumerate(data["annotations"]):
-        name = one.get("image_id") if isinstance(one, dict) else None
+    about = {key: entry for key, entry in data.items() if key == "categories"}
+    by_number: dict[int, Any] = {}
+    for i, entry in enumerate(data["annotations"]):
+        name = entry.get("image_id") if isinstance(entry, dict) else None
         own = known.get(str(name))
         number = numbers[str(name)] if named and own is not None else None
         if number is None:
-            number = _number(path, f"annotations[{i}]", name)
+            number = _frame_number(path, f"annotations[{i}]", name)
         empty = about | {"images": [] if own is None else [own], "annotations": []}
-        found.setdefault(number, empty)["annotations"].append(one)
-    return dict(sorted(found.items()))
+        by_number.setdefault(number, empty)["annotations"].append(entry)
+    return dict(sorted(by_number.items()))
 
 
-def _number(path: Path, where: str, name: Any) -> int:
+def _frame_number(path: Path, where: str, name: Any) -> int:
     number = number_in(name)
     if number is None:
         raise BadFile(
@@ -164,8 +164,8 @@ def read_keypoints(
 
     Raises BadFile or UnknownName.
     """
-    found = read_person(path, size=size, person=person)
-    return found.names, found.points, found.size
+    detected = read_person(path, size=size, person=person)
+    return detected.names, detected.points, detected.size
 
 
 def read_person(
@@ -182,7 +182,7 @@ def person_of(
     path: str | Path, data: Any, size: tuple[int, int] | None, person: int | None
 ) -> DetectedPerson:
     """One person of what a file, or its part on one image, holds; see `read_person`."""
-    data, entries, notes = _entries(path, data)
+    data, entries, notes = _people(path, data)
     if len(entries) > MOST_PEOPLE:
         raise BadFile(
             f"{path} holds {len(entries):,} people, and at most {MOST_PEOPLE:,} are read; give a "
@@ -190,8 +190,8 @@ def person_of(
         )
     if person is not None and entries and not 0 <= person < len(entries):
         raise no_such_person(path, person, len(entries))
-    asked = range(len(entries)) if person is None else [person] if entries else []
-    people = {i: _points_of(path, *entries[i]) for i in asked}
+    chosen = range(len(entries)) if person is None else [person] if entries else []
+    people = {i: _main_points(path, *entries[i]) for i in chosen}
     seen = {i: trusted(points) for i, (_, points) in people.items() if len(points)}
     if not seen:
         raise BadFile(_without_keypoints(path, data))
@@ -201,7 +201,7 @@ def person_of(
     body = own or _names(path, data, len(points))
     names, points, unread = _with_parts(path, where, entry, (body, points))
     notes = [*notes, *unread]
-    if (count := sum(bool(one[:, 2].any()) for one in seen.values())) > 1:
+    if (count := sum(bool(keypoints[:, 2].any()) for keypoints in seen.values())) > 1:
         notes.append(
             f"{Path(path).name} holds {count} people; the largest, number {number} counted from "
             "0, is read, and --person takes another"
@@ -213,8 +213,8 @@ def person_of(
             "those above 1 count as 1"
         )
     size = _image_size(path, data, entry) if size is None else size
-    chosen, fractions = in_px(path, trusted(points), size, fractions=is_mediapipe(data))
-    return DetectedPerson(names, chosen, size, () if own else body, (*notes, *fractions))
+    in_image, fractions = in_px(path, trusted(points), size, fractions=is_mediapipe(data))
+    return DetectedPerson(names, in_image, size, () if own else body, (*notes, *fractions))
 
 
 def people_of(path: str | Path, data: Any) -> list[int]:
@@ -222,25 +222,23 @@ def people_of(path: str | Path, data: Any) -> list[int]:
 
     Raises BadFile.
     """
-    return [i for i, (_, one) in enumerate(_entries(path, data)[1]) if _main(one)]
+    return [i for i, (_, entry) in enumerate(_people(path, data)[1]) if _main_keypoints(entry)]
 
 
-def _main(entry: Mapping[str, Any]) -> Any:
+def _main_keypoints(entry: Mapping[str, Any]) -> Any:
     """What an entry holds under the key of a body's keypoints."""
-    return next((entry[key] for key in MAIN if key in entry), None)
+    return next((entry[key] for key in KEYPOINT_KEYS if key in entry), None)
 
 
-def _points_of(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any, Array]:
-    given = _main(entry)
-    if given == []:  # an entry without a person; files may hold many
+def _main_points(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any, Array]:
+    main = _main_keypoints(entry)
+    if main == []:  # an entry without a person; files may hold many
         return (), np.zeros((0, 3))
-    scores = next((entry[key] for key in SCORES if isinstance(entry.get(key), list)), None)
-    return points_in(path, where, given, scores)
+    scores = next((entry[key] for key in SCORE_KEYS if isinstance(entry.get(key), list)), None)
+    return points_in(path, where, main, scores)
 
 
-def _entries(
-    path: str | Path, data: Any
-) -> tuple[Any, list[tuple[str, dict[str, Any]]], list[str]]:
+def _people(path: str | Path, data: Any) -> tuple[Any, list[tuple[str, dict[str, Any]]], list[str]]:
     """What a file says of one image; its people, each with the place in the file; and notes."""
     if is_mediapipe(data):
         return data, *mediapipe_people(path, data)
@@ -254,33 +252,33 @@ def _entries(
         data = frames[0][1] if frames else []
     where, listed = "annotations", data
     if isinstance(data, dict):
-        key = next((key for key in PEOPLE if key in data), None)
+        key = next((key for key in PEOPLE_KEYS if key in data), None)
         if key is not None:
             where, listed = key, data[key]
         elif _has_keypoints(data):
             listed = [data]
-        elif data and any(data.values()) and all(is_point(one or [0, 0]) for one in data.values()):
+        elif data and any(data.values()) and all(is_point(p or [0, 0]) for p in data.values()):
             listed = [{"keypoints": data}]
         else:
             raise BadFile(_without_keypoints(path, data))
     elif isinstance(data, list) and data:
-        first = next((one for one in data if one is not None), None)
+        first = next((entry for entry in data if entry is not None), None)
         if is_point(first) or isinstance(first, int | float):
             listed = [{"keypoints": data}]
         elif isinstance(first, list) and first and is_point(first[0]):
-            listed = [{"keypoints": one} for one in data]
-    return data, [one for one in _objects(path, where, listed) if _has_keypoints(one[1])], []
+            listed = [{"keypoints": entry} for entry in data]
+    return data, [entry for entry in _objects(path, where, listed) if _has_keypoints(entry[1])], []
 
 
 def _without_keypoints(path: str | Path, data: Any) -> str:
     """Why a file is refused, with its keys."""
-    empty = [k for k in PEOPLE if data.get(k) == []] if isinstance(data, dict) else []
+    empty = [k for k in PEOPLE_KEYS if data.get(k) == []] if isinstance(data, dict) else []
     if empty:
         return f"{path} holds no person: its list `{empty[0]}` is empty"
     inside = data
     for _ in range(2):  # a list of people, or an object with one
         if isinstance(inside, dict):
-            inside = next((inside[key] for key in PEOPLE if inside.get(key)), inside)
+            inside = next((inside[key] for key in PEOPLE_KEYS if inside.get(key)), inside)
         if isinstance(inside, list) and inside:
             inside = inside[0]
     keys = [*inside] if isinstance(inside, dict) else []
@@ -294,17 +292,17 @@ def _without_keypoints(path: str | Path, data: Any) -> str:
 
 def _names(path: str | Path, data: Any, count: int) -> tuple[str, ...]:
     """The names of so many keypoints: those that the file says, or those of the usual layout."""
-    said: Any = None
+    texts: Any = None
     if isinstance(data, dict):
         meta, categories = data.get("meta_info"), data.get("categories")
-        said = meta.get("keypoint_id2name") if isinstance(meta, dict) else data.get("skeleton")
+        texts = meta.get("keypoint_id2name") if isinstance(meta, dict) else data.get("skeleton")
         if isinstance(categories, list) and categories and isinstance(categories[0], dict):
-            said = categories[0].get("keypoints")
-    if isinstance(said, dict):
-        said = [*said.values()]
+            texts = categories[0].get("keypoints")
+    if isinstance(texts, dict):
+        texts = [*texts.values()]
     known = BODIES.get(count)
-    if isinstance(said, list) and len(said) == count and all(isinstance(n, str) for n in said):
-        names = tuple(map(keypoint_name, said))
+    if isinstance(texts, list) and len(texts) == count and all(isinstance(n, str) for n in texts):
+        names = tuple(map(keypoint_name, texts))
         if known is None or any(a != b and a in KNOWN for a, b in zip(names, known, strict=True)):
             return names
     if known is None:
@@ -336,7 +334,7 @@ def _with_parts(
     unread += [
         key
         for key, value in entry.items()
-        if key not in (*MAIN, *SCORES, *PARTS) and value and _is_of_points(key)
+        if key not in (*KEYPOINT_KEYS, *SCORE_KEYS, *PARTS) and value and _is_of_points(key)
     ]
     note = f"{Path(path).name}: not read are {some(unread)}"
     return tuple(names), np.concatenate(points), [note] if unread else []
@@ -348,32 +346,32 @@ def _is_of_points(key: str) -> bool:
     return ("keypoints" in key or "kpts" in key) and not about
 
 
-def _objects(path: str | Path, what: str, found: Any) -> list[tuple[str, dict[str, Any]]]:
+def _objects(path: str | Path, what: str, entries: Any) -> list[tuple[str, dict[str, Any]]]:
     """The objects of a list, each with its place in the file: `people[3]`."""
-    if not isinstance(found, list):
-        raise BadFile(f"{path}: {what} must be a list of objects, not {shown(found)}")
-    for i, one in enumerate(found):
-        if not isinstance(one, dict):
-            raise BadFile(f"{path}: {what}[{i}] must be an object, not {shown(one)}")
-    return [(f"{what}[{i}]", one) for i, one in enumerate(found)]
+    if not isinstance(entries, list):
+        raise BadFile(f"{path}: {what} must be a list of objects, not {shown(entries)}")
+    for i, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            raise BadFile(f"{path}: {what}[{i}] must be an object, not {shown(entry)}")
+    return [(f"{what}[{i}]", entry) for i, entry in enumerate(entries)]
 
 
 def _image_size(path: str | Path, data: Any, entry: dict[str, Any]) -> tuple[int, int] | None:
     """The size of an entry's image: that of its `image_id`, or of the file's only image."""
     if not isinstance(data, dict):
         return None
-    wanted = entry.get("image_id")
-    if isinstance(wanted, list | dict):  # which could be too deep to be compared
-        raise BadFile(f"{path}: image_id must be a number or a text, not {shown(wanted)}")
+    image_id = entry.get("image_id")
+    if isinstance(image_id, list | dict):  # which could be too deep to be compared
+        raise BadFile(f"{path}: image_id must be a number or a text, not {shown(image_id)}")
     of_id = [
-        one
-        for one in _objects(path, "images", data.get("images", []))
-        if one[1].get("id") == wanted
+        candidate
+        for candidate in _objects(path, "images", data.get("images", []))
+        if candidate[1].get("id") == image_id
     ]
     inner = data.get("image")
-    whole = [("the image", one) for one in (inner, data) if isinstance(one, dict)]
+    whole = [("the image", candidate) for candidate in (inner, data) if isinstance(candidate, dict)]
     for where, image in of_id or whole:
-        for width, height in SIZE:
+        for width, height in SIZE_KEYS:
             if width in image:
                 return size_in(path, where, [image[width], image.get(height)])
     return None
@@ -419,20 +417,23 @@ def read_observations(
     photographs: list[Photograph] = []
     read: list[DetectedPerson] = []
     for path, (_, camera) in zip(paths, named, strict=True):
-        found = read_person(path, size=size or camera.get("size"), person=person)
-        if found.size is None:
+        seen = read_person(path, size=size or camera.get("size"), person=person)
+        if seen.size is None:
             raise BadFile(
                 f"{path} does not say how large the image is; give --size WIDTHxHEIGHT in px"
             )
-        read.append(found)
-    if len({one.body for one in read}) > 1:
+        read.append(seen)
+    if len({seen.body for seen in read}) > 1:
         raise BadFile("the files list different keypoints; give files of one detector")
-    names = tuple(dict.fromkeys(name for one in read for name in one.names))
-    for found, (name, camera) in zip(read, named, strict=True):
-        assert found.size is not None
+    names = tuple(dict.fromkeys(name for seen in read for name in seen.names))
+    for seen, (name, camera) in zip(read, named, strict=True):
+        assert seen.size is not None
         points = np.zeros((len(names), 3))  # hands that one file lacks have confidence 0 there
-        points[[names.index(known) for known in found.names]] = found.points
-        calibrated = calibration_of(camera, focal, found.size)
-        photographs.append(Photograph(name, found.size, points[:, :2], points[:, 2], *calibrated))
-    notes = (*(note for one in read for note in one.notes), *notes_on(calibration, cameras))
+        points[[names.index(known) for known in seen.names]] = seen.points
+        calibrated = calibration_of(camera, focal, seen.size)
+        photographs.append(Photograph(name, seen.size, points[:, :2], points[:, 2], *calibrated))
+    notes = (
+        *(note for seen in read for note in seen.notes),
+        *notes_on(calibration, cameras),
+    )
     return Observations(names, tuple(photographs), notes)

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable
 
 from workbench.bodies.hands import HAND_POINTS
-from workbench.fitting.observations import COCO, FEET, HEAD, LIMBS
+from workbench.fitting.observations import COCO, FEET, HEAD, LIMBS, SIDES
 
 Names = tuple[str, ...]
 
@@ -19,7 +19,6 @@ _ARMS, _LEGS = (
 _EYES_AND_EARS = tuple(f"{side}_{part}" for part in HEAD for side in ("right", "left"))
 OPENPOSE_25 = ("nose", "neck", *_ARMS, "mid_hip", *_LEGS, *_EYES_AND_EARS, *FEET)
 OPENPOSE_18 = tuple(name for name in OPENPOSE_25[:19] if name != "mid_hip")
-_SIDES = ("left", "right")
 
 
 def hand(side: str) -> Names:
@@ -37,7 +36,7 @@ def face(count: int) -> Names:
 HANDS = (hand("left"), hand("right"))
 WHOLE_BODY = (*COCO, *FEET, *face(68), *HANDS[0], *HANDS[1])
 _TOES_AND_HEELS = tuple(
-    f"{side}_{part}" for part in ("big_toe", "small_toe", "heel") for side in ("left", "right")
+    f"{side}_{part}" for part in ("big_toe", "small_toe", "heel") for side in SIDES
 )
 HALPE_26 = (*COCO, "head_top", "neck", "mid_hip", *_TOES_AND_HEELS)  # AlphaPose (Fang et al. 2022)
 HALPE_136 = (*HALPE_26, *face(68), *HANDS[0], *HANDS[1])
@@ -47,12 +46,12 @@ OPENPOSE_135 = (  # whose hands have no root, which is the wrist
 )
 MEDIAPIPE_33 = (  # BlazePose (Bazarevsky et al. 2020); its points of a hand are knuckles
     "nose",
-    *(f"{side}_eye{place}" for side in _SIDES for place in ("_inner", "", "_outer")),
-    *(f"{side}_ear" for side in _SIDES),
-    *(f"{side}_mouth" for side in _SIDES),
-    *(f"{side}_{part}" for part in LIMBS[:3] for side in _SIDES),
-    *(f"{side}_{part}" for part in ("pinky1", "index1", "thumb2") for side in _SIDES),
-    *(f"{side}_{part}" for part in (*LIMBS[3:], "heel", "foot_index") for side in _SIDES),
+    *(f"{side}_eye{place}" for side in SIDES for place in ("_inner", "", "_outer")),
+    *(f"{side}_ear" for side in SIDES),
+    *(f"{side}_mouth" for side in SIDES),
+    *(f"{side}_{part}" for part in LIMBS[:3] for side in SIDES),
+    *(f"{side}_{part}" for part in ("pinky1", "index1", "thumb2") for side in SIDES),
+    *(f"{side}_{part}" for part in (*LIMBS[3:], "heel", "foot_index") for side in SIDES),
 )
 
 
@@ -67,14 +66,13 @@ SAPIENS_308 = (  # Goliath's points (Khirodkar et al., Sapiens, 2024)
     *(name for name in COCO if "wrist" not in name),
     *FEET,
     *(*_sapiens_hand("right"), *_sapiens_hand("left")),
-    *(f"{side}_{part}" for part in ("olecranon", "cubital_fossa", "acromion") for side in _SIDES),
+    *(f"{side}_{part}" for part in ("olecranon", "cubital_fossa", "acromion") for side in SIDES),
     "neck",
     *face(238),
 )
 
-BODIES: dict[
-    int, Names
-] = {  # the names of a person's points by their number, where files have none
+# the names of a person's points by their number, where files have none
+BODIES: dict[int, Names] = {
     len(names): names
     for names in (
         *(COCO, OPENPOSE_18, HAND_POINTS, COCO + FEET, OPENPOSE_25, HALPE_26, MEDIAPIPE_33),
@@ -107,7 +105,7 @@ BY_PLAIN_NAME = {_plain(alias): name for alias, name in ALIASES.items()} | {
     for name in sorted(KNOWN)
     for form in (
         _plain(name),
-        *(_plain(name.replace(side, side[0], 1)) for side in _SIDES if name.startswith(side)),
+        *(_plain(name.replace(side, side[0], 1)) for side in SIDES if name.startswith(side)),
     )
 }
 
@@ -146,7 +144,7 @@ def counted_by_part(names: Iterable[str]) -> str:
     """Keypoints by part, for a sentence: `21 of the left hand, 68 of the face, neck, mid_hip`."""
     parts: dict[str, list[str]] = {"left hand": [], "right hand": [], "face": [], "": []}
     for name in names:
-        side = next((side for side in _SIDES if name in hand(side)), "")
+        side = next((side for side in SIDES if name in hand(side)), "")
         parts[f"{side} hand" if side else "face" if name.startswith("face_") else ""].append(name)
     rest = parts.pop("")
     return ", ".join([*(f"{len(own)} of the {what}" for what, own in parts.items() if own), *rest])

@@ -14,25 +14,26 @@ from typing import Any
 from workbench.errors import BadFile, shown, some
 from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33
 from workbench.fitting.files.points import points_in
+from workbench.fitting.observations import SIDES
 
-SIDES = ("left", "right")
 UNSEEN = [0.0, 0.0, 0.0]
 HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
 POSES_KEY = "pose_landmarks"
-EITHER = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
-KNOWN = {
+SIDE_KEYS = ("handedness", "handednesses", "multi_handedness")
+EITHER_KEY = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
+KNOWN_KEYS = {
     *HANDS_KEYS,
     POSES_KEY,
-    EITHER,
-    *("handedness", "handednesses", "multi_handedness"),
+    EITHER_KEY,
+    *SIDE_KEYS,
     *(f"{side}_hand_landmarks" for side in SIDES),
 }
-MOST = 1000  # hands or bodies of one image
+MOST_LISTED = 1000  # hands or bodies of one image
 
 
 def is_mediapipe(data: Any) -> bool:
     """Whether the content of a JSON file is a result of MediaPipe."""
-    return isinstance(data, dict) and any(_snake(key) in KNOWN for key in data)
+    return isinstance(data, dict) and any(_snake(key) in KNOWN_KEYS for key in data)
 
 
 def mediapipe_people(
@@ -45,15 +46,15 @@ def mediapipe_people(
     not seen. Where a hand is seen, it replaces the three points that the body has of it. Hands
     without a body are one person. Raises BadFile.
     """
-    said = {_snake(key): value for key, value in data.items()}
-    hands, bodies = _hands(path, said), _bodies(path, said)
+    result = {_snake(key): value for key, value in data.items()}
+    hands, bodies = _hands(path, result), _bodies(path, result)
     unread = sorted(
         key
-        for key, value in said.items()
-        if key not in KNOWN and value and isinstance(value, list | dict)
+        for key, value in result.items()
+        if key not in KNOWN_KEYS and value and isinstance(value, list | dict)
     )
     notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
-    looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
+    looked_for = any("hand_landmarks" in key or "handed" in key for key in result)
     known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if looked_for else {}
     seen: dict[str, list[float]] = {}
     for side, own in zip(SIDES, HANDS, strict=True):
@@ -68,7 +69,7 @@ def mediapipe_people(
         notes.append(f"{Path(path).name} does not say whose the hands are; they go with any body")
     named = [dict(zip(MEDIAPIPE_33, body, strict=True)) for body in bodies]
     people = [known | body | seen for body in named or ([{}] if hands else [])]
-    return [(f"{POSES_KEY}[{i}]", {"keypoints": one}) for i, one in enumerate(people)], notes
+    return [(f"{POSES_KEY}[{i}]", {"keypoints": person}) for i, person in enumerate(people)], notes
 
 
 def _snake(key: Any) -> str:
@@ -76,55 +77,53 @@ def _snake(key: Any) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", str(key)[:60]).lower()
 
 
-def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, list[list[float]]]]:
+def _hands(path: str | Path, result: dict[str, Any]) -> list[tuple[str, list[list[float]]]]:
     """Each hand with its side."""
-    found = []
+    hands = []
     for side in SIDES:
-        if given := said.get(f"{side}_hand_landmarks"):
-            points = _one(given)
-            found.append((side, _points(path, f"{side}_hand_landmarks", points, 21)))
-    sides = next(
-        (said[key] for key in ("handedness", "handednesses", "multi_handedness") if said.get(key)),
-        None,
-    )
-    keys = [key for key in (*HANDS_KEYS, *((EITHER,) if sides else ())) if said.get(key)]
+        if entry := result.get(f"{side}_hand_landmarks"):
+            points = _landmarks(entry)
+            hands.append((side, _points_of(path, f"{side}_hand_landmarks", points, 21)))
+    sides = next((result[key] for key in SIDE_KEYS if result.get(key)), None)
+    keys = [key for key in (*HANDS_KEYS, *((EITHER_KEY,) if sides else ())) if result.get(key)]
     for key in keys[:1]:
-        several = _several(path, key, said[key])
-        named = _several(path, "handedness", sides) if sides else []
+        several = _checked_list(path, key, result[key])
+        named = _checked_list(path, "handedness", sides) if sides else []
         if len(named) != len(several):
             raise BadFile(
                 f"{path} holds {len(several)} hands under {key}, and {len(named)} entries that say "
                 "which is left and which is right; write `handedness` with one for each"
             )
-        for i, (one, label) in enumerate(zip(several, named, strict=True)):
+        for i, (hand, label) in enumerate(zip(several, named, strict=True)):
             where = f"{key}[{i}]"
-            found.append((_side(path, where, label), _points(path, where, _one(one), 21)))
-    return found
+            hands.append((_side(path, where, label), _points_of(path, where, _landmarks(hand), 21)))
+    return hands
 
 
-def _bodies(path: str | Path, said: dict[str, Any]) -> list[list[list[float]]]:
-    of_either = not any("handed" in key for key in said)
-    key = POSES_KEY if said.get(POSES_KEY) else EITHER if of_either else ""
-    given = said.get(key)
-    if not given:
+def _bodies(path: str | Path, result: dict[str, Any]) -> list[list[list[float]]]:
+    of_either = not any("handed" in key for key in result)
+    key = POSES_KEY if result.get(POSES_KEY) else EITHER_KEY if of_either else ""
+    entries = result.get(key)
+    if not entries:
         return []
-    if isinstance(given, dict) or (isinstance(given[0], dict) and "x" in given[0]):
-        given = [given]  # the one person of the older solutions, and of the holistic model
-    several = _several(path, key, given)
-    return [_points(path, f"{key}[{i}]", _one(one), 33) for i, one in enumerate(several)]
+    first = entries[0] if isinstance(entries, list) else None
+    if isinstance(entries, dict) or (isinstance(first, dict) and "x" in first):
+        entries = [entries]  # the one person of the older solutions, and of the holistic model
+    several = _checked_list(path, key, entries)
+    return [_points_of(path, f"{key}[{i}]", _landmarks(body), 33) for i, body in enumerate(several)]
 
 
-def _one(given: Any) -> Any:
+def _landmarks(entry: Any) -> Any:
     """The list of points, which messages hold under `landmark`; of several, the first."""
-    if isinstance(given, dict):
-        given = given.get("landmark", given.get("landmarks"))
-    return given[0] if isinstance(given, list) and given and isinstance(given[0], list) else given
+    if isinstance(entry, dict):
+        entry = entry.get("landmark", entry.get("landmarks"))
+    return entry[0] if isinstance(entry, list) and entry and isinstance(entry[0], list) else entry
 
 
-def _several(path: str | Path, key: str, given: Any) -> list[Any]:
-    if not isinstance(given, list) or len(given) > MOST:
-        raise BadFile(f"{path}: {key} must be a list of at most {MOST}, not {shown(given)}")
-    return given
+def _checked_list(path: str | Path, key: str, value: Any) -> list[Any]:
+    if not isinstance(value, list) or len(value) > MOST_LISTED:
+        raise BadFile(f"{path}: {key} must be a list of at most {MOST_LISTED}, not {shown(value)}")
+    return value
 
 
 def _side(path: str | Path, where: str, label: Any) -> str:
@@ -141,12 +140,12 @@ def _side(path: str | Path, where: str, label: Any) -> str:
     return side
 
 
-def _points(path: str | Path, where: str, given: Any, count: int) -> list[list[float]]:
+def _points_of(path: str | Path, where: str, entries: Any, count: int) -> list[list[float]]:
     """As many points as `count`: u and v as fractions of the image, and a confidence."""
-    if not isinstance(given, list) or len(given) != count:
-        many = f"{len(given)} points" if isinstance(given, list) else shown(given)
+    if not isinstance(entries, list) or len(entries) != count:
+        many = f"{len(entries)} points" if isinstance(entries, list) else shown(entries)
         raise BadFile(f"{path}: {where} has {many}; MediaPipe's has {count}, each with x and y")
-    points: list[list[float]] = points_in(path, where, given)[1].tolist()
+    points: list[list[float]] = points_in(path, where, entries)[1].tolist()
     if count == 21:  # older solutions give hands a visibility of 0
         return [[u, v, 1.0] for u, v, _ in points]
     return points

@@ -9,12 +9,12 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import BadFile, UnknownName, shown
 from workbench.fitting.files.layouts import keypoint_name
-from workbench.fitting.observations import PLACING
+from workbench.fitting.observations import FEWEST_PLACING
 
-SURE = ("score", "confidence", "conf", "visible", "visibility", "v")  # of one keypoint
-FARTHEST = 1e7  # px: no detector reports a keypoint farther out
-CLEAR = 0.2  # confidence of a keypoint that tells how large a person is
-FRACTIONS = -0.5, 2.0  # between which all keypoints lie if they are fractions of an image
+CONFIDENCE_KEYS = ("score", "confidence", "conf", "visible", "visibility", "v")  # of one keypoint
+FARTHEST_PX = 1e7  # px: no detector reports a keypoint farther out
+CLEAR_CONFIDENCE = 0.2  # confidence of a keypoint that tells how large a person is
+FRACTION_RANGE = -0.5, 2.0  # between which all keypoints lie if they are fractions of an image
 
 Named = tuple[tuple[str, ...], Array]  # names, empty if the file has none, and (M, 3)
 
@@ -33,26 +33,26 @@ class DetectedPerson:
     notes: tuple[str, ...]
 
 
-def numbers_in(path: str | Path, what: str, given: Any) -> Array:
+def numbers_in(path: str | Path, what: str, entry: Any) -> Array:
     """A list of numbers as an array; `what` names it in the error. Raises BadFile."""
     try:
-        numbers = np.asarray(given, dtype=float)
+        numbers = np.asarray(entry, dtype=float)
     except (ValueError, TypeError, OverflowError):
         numbers = None
-    if numbers is None or not isinstance(given, (list, tuple)):
-        raise BadFile(f"{path}: {what} must be numbers, not {shown(given)}")
+    if numbers is None or not isinstance(entry, (list, tuple)):
+        raise BadFile(f"{path}: {what} must be numbers, not {shown(entry)}")
     return numbers
 
 
-def is_point(given: Any) -> bool:
+def is_point(entry: Any) -> bool:
     """Whether it is one keypoint: two to four numbers, or an object with x and y."""
-    if isinstance(given, dict):
-        return {"x", "y"} <= given.keys() or "position" in given
-    several = isinstance(given, list) and 2 <= len(given) <= 4
-    return several and all(isinstance(one, int | float | None) for one in given)
+    if isinstance(entry, dict):
+        return {"x", "y"} <= entry.keys() or "position" in entry
+    several = isinstance(entry, list) and 2 <= len(entry) <= 4
+    return several and all(isinstance(number, int | float | None) for number in entry)
 
 
-def points_in(path: str | Path, where: str, given: Any, scores: Any = None) -> Named:
+def points_in(path: str | Path, where: str, entry: Any, scores: Any = None) -> Named:
     """Keypoints (M, 3) as u, v, confidence, and their names if each has one.
 
     They may be a list of u, v and confidence, flat or with two to four numbers for each (u, v; u,
@@ -61,25 +61,25 @@ def points_in(path: str | Path, where: str, given: Any, scores: Any = None) -> N
     """
     names: tuple[str, ...] = ()
     what = f"{where}: keypoints".removeprefix(": ")
-    if isinstance(given, dict) and isinstance(given.get("x"), list):
-        columns = [given["x"], given.get("y")]
-        columns += [given[key] for key in SURE if isinstance(given.get(key), list)][:1]
-        if len({len(one) if isinstance(one, list) else -1 for one in columns}) > 1:
-            raise BadFile(f"{path}: {what} must have as many y as x, not {shown(given.get('y'))}")
-        given = [list(row) for row in zip(*columns, strict=True)]
-    elif isinstance(given, dict):
-        names, given = tuple(map(keypoint_name, given)), [*map(_row, given.values())]
-    elif isinstance(given, list) and given and all(isinstance(one, dict) for one in given):
+    if isinstance(entry, dict) and isinstance(entry.get("x"), list):
+        columns = [entry["x"], entry.get("y")]
+        columns += [entry[key] for key in CONFIDENCE_KEYS if isinstance(entry.get(key), list)][:1]
+        if len({len(item) if isinstance(item, list) else -1 for item in columns}) > 1:
+            raise BadFile(f"{path}: {what} must have as many y as x, not {shown(entry.get('y'))}")
+        entry = [list(row) for row in zip(*columns, strict=True)]
+    elif isinstance(entry, dict):
+        names, entry = tuple(map(keypoint_name, entry)), [*map(_point_row, entry.values())]
+    elif isinstance(entry, list) and entry and all(isinstance(item, dict) for item in entry):
         called = [
-            next((one[k] for k in ("name", "part", "class") if k in one), None) for one in given
+            next((item[k] for k in ("name", "part", "class") if k in item), None) for item in entry
         ]
         if all(isinstance(name, str) for name in called):
             names = tuple(map(keypoint_name, called))
-        given = [*map(_row, given)]
-    elif isinstance(given, list):
-        wide = next((len(one) for one in given if isinstance(one, list) and one), 0)
-        given = [[None] * wide if wide and not one else one for one in given]  # null: not seen
-    numbers = numbers_in(path, what, given)
+        entry = [*map(_point_row, entry)]
+    elif isinstance(entry, list):
+        wide = next((len(item) for item in entry if isinstance(item, list) and item), 0)
+        entry = [[None] * wide if wide and not item else item for item in entry]  # null: not seen
+    numbers = numbers_in(path, what, entry)
     sure = None if not isinstance(scores, list) else numbers_in(path, what, scores).ravel()
     if numbers.ndim == 3 and len(numbers) == 1:  # of one person
         numbers = numbers[0]
@@ -92,7 +92,7 @@ def points_in(path: str | Path, where: str, given: Any, scores: Any = None) -> N
             )
         numbers = numbers.reshape(-1, wide)
     if numbers.ndim != 2 or not (2 <= numbers.shape[1] <= 4 or not numbers.size):
-        raise BadFile(f"{path}: {what} must be u, v and a confidence each, not {shown(given)}")
+        raise BadFile(f"{path}: {what} must be u, v and a confidence each, not {shown(entry)}")
     if sure is None and numbers.shape[1] == 3:
         return names, numbers
     if sure is None:
@@ -102,15 +102,15 @@ def points_in(path: str | Path, where: str, given: Any, scores: Any = None) -> N
     return names, np.column_stack([numbers[:, :2], sure])
 
 
-def _row(given: Any) -> Any:
+def _point_row(entry: Any) -> Any:
     """A keypoint as u, v, confidence; 1 where no confidence is said."""
-    if isinstance(given, dict):
-        place = given["position"] if isinstance(given.get("position"), dict) else given
-        sure = next((given[key] for key in SURE if given.get(key) is not None), 1.0)
+    if isinstance(entry, dict):
+        place = entry["position"] if isinstance(entry.get("position"), dict) else entry
+        sure = next((entry[key] for key in CONFIDENCE_KEYS if entry.get(key) is not None), 1.0)
         return [place.get("x"), place.get("y"), sure]
-    if isinstance(given, list) and len(given) in (2, 4):
-        return [*given[:2], given[3] if len(given) == 4 else 1.0]
-    return given or [None] * 3
+    if isinstance(entry, list) and len(entry) in (2, 4):
+        return [*entry[:2], entry[3] if len(entry) == 4 else 1.0]
+    return entry or [None] * 3
 
 
 def trusted(points: Array) -> Array:
@@ -120,11 +120,11 @@ def trusted(points: Array) -> Array:
     nothing about px, and must not make a sigma smaller. Not seen, with confidence 0, is what is not
     finite, farther than 1e7 px, has a confidence of 0 or below, or lies at 0, 0 or -1, -1.
     """
-    seen = (np.abs(points[:, :2]) < FARTHEST).all(axis=1)  # nor NaN
+    seen = (np.abs(points[:, :2]) < FARTHEST_PX).all(axis=1)  # nor NaN
     seen &= (points[:, 2] > 0) & (points[:, 2] < np.inf) & (points[:, :2] > 0).any(axis=1)
-    found = np.where(seen[:, None], points, 0.0)
-    found[:, 2] = np.minimum(found[:, 2], 1.0)
-    return found
+    clean = np.where(seen[:, None], points, 0.0)
+    clean[:, 2] = np.minimum(clean[:, 2], 1.0)
+    return clean
 
 
 def in_px(
@@ -135,7 +135,9 @@ def in_px(
     Raises BadFile if the size of the image is then not known.
     """
     places = points[points[:, 2] > 0, :2]
-    guessed = bool(len(places) and places.min() > FRACTIONS[0] and places.max() < FRACTIONS[1])
+    guessed = bool(
+        len(places) and places.min() > FRACTION_RANGE[0] and places.max() < FRACTION_RANGE[1]
+    )
     if not fractions and not guessed:
         return points, []
     if size is None:
@@ -158,6 +160,6 @@ def no_such_person(path: str | Path, person: int, count: int) -> UnknownName:
 
 def how_large(points: Array) -> tuple[float, float]:
     """The diagonal in px of the box around trusted keypoints (M, 3), then how sure they are."""
-    clear = points[points[:, 2] > CLEAR, :2]
-    size = np.linalg.norm(np.ptp(clear, axis=0)) if len(clear) >= PLACING else 0.0
+    clear = points[points[:, 2] > CLEAR_CONFIDENCE, :2]
+    size = np.linalg.norm(np.ptp(clear, axis=0)) if len(clear) >= FEWEST_PLACING else 0.0
     return float(size), float(points[:, 2].sum())

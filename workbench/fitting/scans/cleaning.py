@@ -6,23 +6,23 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.fitting.scans.scan import BadScan, ScanContents, drawn, faces_between
-from workbench.fitting.scans.surface import least_spread, outline
+from workbench.fitting.scans.scan import BadScan, ScanContents, check_faces, drawn, faces_between
+from workbench.fitting.scans.surface import OUTLINE_CELLS, least_spread, outline
 
-LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
-FEWEST = 100  # points
-FAR = 20.0  # times the size of the scan from its middle: what cannot belong to it
-BESIDE = 10.0  # times the usual distance from the nearest neighbour
-PLANES = 3  # a floor and two walls
-SAMPLES = 30_000  # points of faces
-TRIED, AROUND = 200, 12  # places of which a plane is tried, by so many neighbours
-THICK = 0.01  # of the size of the scan: how far points of a plane may be from it
-SHARE = 0.1  # of the cells of a scan: a smaller plane may be a part of a body
-ALONG = 0.85  # cosine of the angle between the normal of a plane and those of its places
-BROAD = 0.3  # of the size of the scan: how wide a plane is at least
-FLAT = 0.5  # of the thickness: the deviation of its places; 0.74 of those of a round side
-SHARP = 1.2  # times as many cells within three times the thickness: a body's side is round
-ONE_SIDE = 0.95  # of the other cells, which are in front of the plane
+LARGEST_COORDINATE = 1e9  # in the file's unit: farther out is no coordinate but damage
+FEWEST_POINTS = 100  # points
+FAR_RATIO = 20.0  # times the size of the scan from its middle: what cannot belong to it
+ALONE_RATIO = 10.0  # times the usual distance from the nearest neighbour
+MOST_PLANES = 3  # a floor and two walls
+FACE_SAMPLES = 30_000  # points of faces
+PLANES_TRIED, PLANE_NEIGHBOURS = 200, 12  # places of which a plane is tried, by so many neighbours
+PLANE_THICKNESS = 0.01  # of the size of the scan: how far points of a plane may be from it
+PLANE_SHARE = 0.1  # of the cells of a scan: a smaller plane may be a part of a body
+PLANE_COSINE = 0.85  # cosine of the angle between the normal of a plane and those of its places
+PLANE_WIDTH = 0.3  # of the size of the scan: how wide a plane is at least
+PLANE_FLATNESS = 0.5  # of the thickness: the deviation of its places; 0.74 of those of a round side
+PLANE_SHARPNESS = 1.2  # times as many cells within thrice the thickness: a body's side is round
+ONE_SIDE_SHARE = 0.95  # of the other cells, which are in front of the plane
 
 
 def cleaned(contents: ScanContents, most: int) -> ScanContents:
@@ -36,16 +36,11 @@ def cleaned(contents: ScanContents, most: int) -> ScanContents:
         raise BadScan("it holds no points")
     points, faces = contents.points, contents.faces
     if faces is not None:
-        wrong = ((faces < 0) | (faces >= len(points))).any(axis=1)
-        if wrong.any():
-            face = int(np.argmax(wrong))
-            raise BadScan(
-                f"face {face} is {faces[face].tolist()}, but there are {len(points)} points from 0"
-            )
+        check_faces(faces, len(points))
         contents = replace(contents, faces=faces if len(faces) else None)
     with np.errstate(invalid="ignore"):
-        there = np.asarray((np.abs(points) < LARGEST).all(axis=1))  # nor NaN
-    contents = _kept(contents, there, "NaN, infinite or beyond 1e9, and left out")
+        finite = np.asarray((np.abs(points) < LARGEST_COORDINATE).all(axis=1))  # nor NaN
+    contents = _kept(contents, finite, "NaN, infinite or beyond 1e9, and left out")
     if contents.faces is None:
         nothing = np.asarray(~contents.points.any(axis=1))
         if nothing.sum() > 1:
@@ -61,14 +56,14 @@ def cleaned(contents: ScanContents, most: int) -> ScanContents:
     contents = _merged(contents)
     if len(contents.points):
         middle = np.median(contents.points, axis=0)
-        away = np.linalg.norm(contents.points - middle, axis=1)
-        near = np.asarray(away <= FAR * np.percentile(away, 90))
+        distances = np.linalg.norm(contents.points - middle, axis=1)
+        near = np.asarray(distances <= FAR_RATIO * np.percentile(distances, 90))
         contents = _kept(contents, near, "far from all others, and left out")
-    if len(contents.points) < FEWEST:
-        said = "".join(f"; {note}" for note in contents.notes[-4:])
+    if len(contents.points) < FEWEST_POINTS:
+        reasons = "".join(f"; {note}" for note in contents.notes[-4:])
         raise BadScan(
             f"{len(contents.points)} different points are left of it, and a scan has at least "
-            f"{FEWEST}{said}"
+            f"{FEWEST_POINTS}{reasons}"
         )
     return contents
 
@@ -80,13 +75,13 @@ def without_planes(contents: ScanContents) -> ScanContents:
     the normal; and of the side of a body that was seen from there alone, three times as much lies
     within three times the distance from a plane.
     """
-    for _ in range(PLANES):
+    for _ in range(MOST_PLANES):
         plane = _plane_beside(contents)
         if plane is None:
             break
         normal, place, band = plane
         above = np.asarray((contents.points - place) @ normal > band)
-        if above.sum() < FEWEST:
+        if above.sum() < FEWEST_POINTS:
             break
         contents = _kept(
             contents, above, "on a plane beside the rest, a floor or a wall, and left out"
@@ -101,51 +96,65 @@ def _plane_beside(contents: ScanContents) -> tuple[Array, Array, float] | None:
         import trimesh  # a quarter of a second to import: not before it is needed
 
         mesh = trimesh.Trimesh(points, contents.faces, process=False)
-        points = np.asarray(trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0])
+        points = np.asarray(trimesh.sample.sample_surface(mesh, FACE_SAMPLES, seed=0)[0])
     cells = outline(points)
-    if len(cells) < AROUND:
+    if len(cells) < PLANE_NEIGHBOURS:
         return None
     size = float(np.ptp(cells, axis=0).max())
-    thick, step = THICK * size, size / 50
+    thick = PLANE_THICKNESS * size
     rng = np.random.default_rng(0)
-    tried = rng.choice(len(cells), min(TRIED, len(cells)), replace=False)
-    normals = least_spread(cells[cKDTree(cells).query(cells, k=AROUND)[1]])
-    ways, at = normals[tried], cells[tried]
-    counts = (np.abs(cells @ ways.T - (at * ways).sum(axis=1)) < thick).sum(axis=0)
+    tried = rng.choice(len(cells), min(PLANES_TRIED, len(cells)), replace=False)
+    normals = least_spread(cells[cKDTree(cells).query(cells, k=PLANE_NEIGHBOURS)[1]])
+    tried_normals, tried_places = normals[tried], cells[tried]
+    heights = cells @ tried_normals.T - (tried_places * tried_normals).sum(axis=1)
+    counts = (np.abs(heights) < thick).sum(axis=0)
     for k in np.argsort(-counts)[:10]:
-        normal, place = ways[k], at[k]
-        for _ in range(5):
-            own = cells[np.abs((cells - place) @ normal) < thick]
-            if len(own) < 4:
-                break
-            place = own.mean(axis=0)
-            normal = least_spread(own[None])[0]
+        normal, place = _refined(cells, tried_normals[k], tried_places[k], thick)
         off = (cells - place) @ normal
         if (off > 2 * thick).sum() < (off < -2 * thick).sum():
             normal, off = -normal, -off
-        rest = np.abs(off) > 2 * thick
         behind = camera is not None and (camera - place) @ normal < 0
-        if behind or not rest.any() or (off[rest] > 0).mean() < ONE_SIDE:
-            continue
-        first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-        first /= np.linalg.norm(first)
-        flat = (cells - place) @ np.stack([first, np.cross(normal, first)]).T
-        front = off > 3 * thick
-        bare = np.asarray(cKDTree(flat[front]).query(flat)[0] > step) if front.any() else rest < 0
-        bare &= np.abs(normals @ normal) > ALONG
-        own = bare & (np.abs(off) < thick)
-        if own.sum() < max(SHARE * len(cells), (np.abs(off) < thick).sum() / 4):
-            continue
-        axes = np.linalg.eigh(np.cov(flat[own].T))[1]
-        sides = np.ptp(np.percentile(flat[own] @ axes, (5, 95), axis=0), axis=0)
-        if sides.min() < BROAD * size or deviation(off[own]) > FLAT * thick:
-            continue
-        if (bare & (np.abs(off) < 3 * thick)).sum() > SHARP * own.sum():
+        if behind or not _is_bare(cells, normals, normal, place, size):
             continue
         exact = points[np.abs((points - place) @ normal) < thick]
         band = np.clip(4 * deviation((exact - place) @ normal), thick / 4, 2 * thick)
         return normal, place, float(band)
     return None
+
+
+def _refined(cells: Array, normal: Array, place: Array, thick: float) -> tuple[Array, Array]:
+    """The normal and the middle of the plane through all cells that are near to a first one."""
+    for _ in range(5):
+        near = cells[np.abs((cells - place) @ normal) < thick]
+        if len(near) < 4:
+            break
+        place = near.mean(axis=0)
+        normal = least_spread(near[None])[0]
+    return normal, place
+
+
+def _is_bare(cells: Array, normals: Array, normal: Array, place: Array, size: float) -> bool:
+    """Whether a plane has nearly all else in front of it, and a broad and flat part that nothing in
+    front covers, with sharp sides.
+    """
+    thick, off = PLANE_THICKNESS * size, (cells - place) @ normal
+    within, rest, front = np.abs(off) < thick, np.abs(off) > 2 * thick, off > 3 * thick
+    if not front.any() or (off[rest] > 0).mean() < ONE_SIDE_SHARE:
+        return False
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    flat = (cells - place) @ np.stack([first, np.cross(normal, first)]).T
+    covered = np.asarray(cKDTree(flat[front]).query(flat)[0]) <= size / OUTLINE_CELLS
+    bare = ~covered & (np.abs(normals @ normal) > PLANE_COSINE)
+    own = bare & within
+    if own.sum() < max(PLANE_SHARE * len(cells), within.sum() / 4):
+        return False
+    axes = np.linalg.eigh(np.cov(flat[own].T))[1]
+    sides = np.ptp(np.percentile(flat[own] @ axes, (5, 95), axis=0), axis=0)
+    if sides.min() < PLANE_WIDTH * size or deviation(off[own]) > PLANE_FLATNESS * thick:
+        return False
+    around = bare & (np.abs(off) < 3 * thick)
+    return bool(around.sum() <= PLANE_SHARPNESS * own.sum())
 
 
 def deviation(numbers: Array) -> float:
@@ -156,7 +165,7 @@ def deviation(numbers: Array) -> float:
 def far_points(points: Array) -> Mask:
     """Which points (M, 3) have no other within ten times the usual distance: (M,)."""
     distances = np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]
-    return np.asarray(distances > BESIDE * np.median(distances), dtype=np.bool_)
+    return np.asarray(distances > ALONE_RATIO * np.median(distances), dtype=np.bool_)
 
 
 def points_are(count: int) -> str:

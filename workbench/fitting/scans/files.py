@@ -16,7 +16,7 @@ from workbench.fitting.scans.scan import BadScan, Scan, ScanContents, areas_of_f
 from workbench.fitting.scans.surface import (
     areas_of_neighbours,
     edges_of_one_face,
-    filled,
+    filled_normals,
     normals_of_neighbours,
     outline,
     principal_axes,
@@ -25,8 +25,7 @@ from workbench.fitting.scans.surface import (
 )
 from workbench.geometry.gltf import parse_glb
 from workbench.geometry.guesses import PERSON, UNITS, UP_TO_Y, Sizes, extents, unit_of, up_of
-from workbench.geometry.meshes import READERS as MESHES
-from workbench.geometry.meshes import Parts, parse_ply_and_normals, parsed_mesh
+from workbench.geometry.meshes import MESH_READERS, Parts, parse_ply_and_normals, parsed_mesh
 from workbench.geometry.point_clouds import parse_pcd, parse_xyz
 from workbench.geometry.solids import face_vectors, vertex_normals, volume
 from workbench.reading.arrays import Header, mapped_array, opened, taken_for, widened
@@ -34,22 +33,22 @@ from workbench.reading.arrays import Header, mapped_array, opened, taken_for, wi
 POINTS = ("points", "vertices", "xyz", "positions", "scan")
 NORMALS, FACES = ("normals", "vertex_normals"), ("faces", "triangles")
 CAMERA = ("camera_position", "camera_center")
-OTHERS = ("colors", "colours", "rgb", "directions")  # of the form of points, and none
+NOT_POINTS = ("colors", "colours", "rgb", "directions")  # of the form of points, and none
 MOST_BYTES = 2**31  # of a file that is read as a whole
-UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names
-ARRAYS = (".npz", ".npy")  # which are checked before anything is read
-FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
+UNIT_TOLERANCE = 0.05  # how far the length of a normal may be from one, in unnamed columns
+ARRAY_SUFFIXES = (".npz", ".npy")  # which are checked before anything is read
+SMALLEST_LIMIT, USUAL_LIMIT = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
 FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
-DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
+DECLARED_BY_FORMAT = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
-def _points(headers: Mapping[str, Header], name: str | None) -> str:
+def _name_of_points(headers: Mapping[str, Header], name: str | None) -> str:
     """The name of the points, which have their form and no name that speaks against it."""
-    taken = {*NORMALS, *FACES, *OTHERS}
+    other_names = {*NORMALS, *FACES, *NOT_POINTS}
     candidates = [
-        one
-        for one, header in headers.items()
-        if _is_of_points(header) and one not in taken and not one.endswith("_normals")
+        key
+        for key, header in headers.items()
+        if _is_of_points(header) and key not in other_names and not key.endswith("_normals")
     ]
     if name is not None:
         if name not in headers:
@@ -58,7 +57,7 @@ def _points(headers: Mapping[str, Header], name: str | None) -> str:
             header = headers[name]
             raise BadFile(f"{name} is {header.dtype} of shape {header.shape}, not points (N, 3)")
         return name
-    known = [one for one in POINTS if one in candidates]
+    known = [key for key in POINTS if key in candidates]
     if len(known) == 1 or len(candidates) == 1:
         return (known or candidates)[0]
     if not candidates:
@@ -76,21 +75,22 @@ def contents_of(path: Path, name: str | None = None) -> ScanContents:
     Raises BadFile with a sentence, or BadArgument for a name of what has no names.
     """
     suffix = path.suffix.lower()
-    if suffix not in READERS:
+    if suffix not in SCAN_READERS:
         raise BadFile(
-            f"{path}: no format of scans is called {path.suffix!r}; there are {listed(READERS)}"
+            f"{path}: no format of scans is called {path.suffix!r}; "
+            f"there are {listed(SCAN_READERS)}"
         )
     if name is not None and suffix != ".npz":
         raise BadArgument(f"{path} has no arrays with names, so that none is called {name!r}")
     try:
-        if path.is_file() and path.stat().st_size > MOST_BYTES and suffix not in ARRAYS:
+        if path.is_file() and path.stat().st_size > MOST_BYTES and suffix not in ARRAY_SUFFIXES:
             raise BadFile(
                 f"{path} has {path.stat().st_size / 2**30:.1f} GB, and at most 2 GB are read; "
                 "give fewer points, or an .npy file"
             )
     except OSError as error:
         raise BadFile(f"cannot read {path}: {error.strerror}") from error
-    return READERS[suffix](path, name)
+    return SCAN_READERS[suffix](path, name)
 
 
 def _parser(parse: Callable[[bytes], ScanContents]) -> "Reader":
@@ -111,31 +111,31 @@ def _ply(content: bytes) -> ScanContents:
 
 
 def _pcd(content: bytes) -> ScanContents:
-    found = parse_pcd(content)
+    cloud = parse_pcd(content)
     notes: tuple[str, ...] = ()
-    if found.unread:
-        notes = (f"not read are the fields {some(found.unread)}",)
-    if found.viewpoint is None:
+    if cloud.unread:
+        notes = (f"not read are the fields {some(cloud.unread)}",)
+    if cloud.viewpoint is None:
         notes += (
             "the file names no viewpoint, or 0 0 0, which programs write that do not know it; if "
             "the points were seen from there, give the camera's position 0 0 0",
         )
-    return ScanContents(found.points, found.normals, None, found.viewpoint, notes)
+    return ScanContents(cloud.points, cloud.normals, None, cloud.viewpoint, notes)
 
 
 def _of_columns(numbers: NDArray[Any], columns: int) -> ScanContents:
     """Points, and normals if there are six columns and the last three are of unit length."""
     points, further = widened(numbers[:, :3]), widened(numbers[:, 3:6])
     with np.errstate(all="ignore"):
-        units = np.abs(np.linalg.norm(further, axis=1) - 1) < UNIT
-    are_normals = further.shape[1] == 3 and units.mean() > 0.5
+        of_unit_length = np.abs(np.linalg.norm(further, axis=1) - 1) < UNIT_TOLERANCE
+    are_normals = further.shape[1] == 3 and of_unit_length.sum() > len(of_unit_length) / 2
     read = 6 if are_normals else 3
     notes: tuple[str, ...] = ()
     if are_normals:
         notes = ("columns 4 to 6 have length one and are taken for normals",)
     if columns > read:
-        one = columns == read + 1
-        which = f"column {columns} is" if one else f"columns {read + 1} to {columns} are"
+        single = columns == read + 1
+        which = f"column {columns} is" if single else f"columns {read + 1} to {columns} are"
         notes += (f"{which} not read",)
     return ScanContents(points, further if are_normals else None, notes=notes)
 
@@ -156,25 +156,26 @@ def _npz(path: Path, name: str | None) -> ScanContents:
     do = "give an .npz file with an array (N, 3) called points, as numpy.savez writes it"
     with opened(path, "scan", do) as archive:
         headers = archive.headers
-        name = _points(headers, name)
+        name = _name_of_points(headers, name)
         count = headers[name].shape[0]
 
-        def of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> Array | None:
-            known = next((one for one in names if one in headers and fits(headers[one])), None)
-            if known is None:
-                return None
-            read.add(known)
-            return archive.array(known)
+        def first_of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> Array | None:
+            """The first array that has one of the names and a header that fits."""
+            for key in names:
+                if key in headers and fits(headers[key]):
+                    read.add(key)
+                    return archive.array(key)
+            return None
 
         read = {name}
-        normals = of(
-            (f"{name}_normals", *NORMALS), lambda one: _is_of_points(one) and one.shape[0] == count
+        normals = first_of(
+            (f"{name}_normals", *NORMALS), lambda h: _is_of_points(h) and h.shape[0] == count
         )
-        faces = of(
-            (f"{name}_faces", *FACES), lambda one: _is_of_points(one) and one.dtype.kind != "f"
+        faces = first_of(
+            (f"{name}_faces", *FACES), lambda h: _is_of_points(h) and h.dtype.kind != "f"
         )
-        camera = of(
-            CAMERA, lambda one: one.dtype.kind in "iuf" and one.shape in ((3,), (1, 3), (3, 1))
+        camera = first_of(
+            CAMERA, lambda h: h.dtype.kind in "iuf" and h.shape in ((3,), (1, 3), (3, 1))
         )
         unread = sorted(headers.keys() - read) + list(archive.others)
         return ScanContents(
@@ -187,12 +188,12 @@ def _npz(path: Path, name: str | None) -> ScanContents:
 
 
 Reader = Callable[[Path, str | None], ScanContents]
-READERS: dict[str, Reader] = {
+SCAN_READERS: dict[str, Reader] = {
     ".ply": _parser(_ply),
-    ".obj": _mesh(MESHES[".obj"]),
-    ".off": _mesh(MESHES[".off"]),
+    ".obj": _mesh(MESH_READERS[".obj"]),
+    ".off": _mesh(MESH_READERS[".off"]),
     ".pcd": _parser(_pcd),
-    ".stl": _mesh(MESHES[".stl"]),
+    ".stl": _mesh(MESH_READERS[".stl"]),
     ".glb": _mesh(parse_glb),
     ".npz": _npz,
     ".npy": _npy,
@@ -210,11 +211,11 @@ def with_normals(contents: ScanContents, camera: Array | None) -> ScanContents:
     if contents.faces is not None:
         contents = _with_faces_outwards(contents, contents.faces, camera)
     points, faces, notes = contents.points, contents.faces, contents.notes
-    normals = None if contents.normals is None else filled(points, contents.normals)
+    normals = None if contents.normals is None else filled_normals(points, contents.normals)
     if normals is not None and normals.any():
         source = "normals are those of the file"
     elif faces is not None:
-        normals = filled(points, vertex_normals(points, faces))
+        normals = filled_normals(points, vertex_normals(points, faces))
         source = "normals are of the faces"
     elif camera is not None:
         normals, source = normals_of_neighbours(points), "normals are estimated from neighbours"
@@ -279,7 +280,7 @@ def read_scan(
     up: str | None = None,
     name: str | None = None,
     camera_position: ArrayLike | None = None,
-    most: int = MOST,
+    most: int = USUAL_LIMIT,
     sizes: Sizes = PERSON,
 ) -> ReadScan:
     """Read a scan of a person or of a part of one from a file, with or without faces.
@@ -298,7 +299,7 @@ def read_scan(
     Raises BadFile or BadScan for a file that holds no scan, UnknownName or BadArgument.
     """
     path = Path(path)
-    if most < FEWEST:
+    if most < SMALLEST_LIMIT:
         raise BadArgument(f"`most` must be at least 1,000 points, not {most}")
     contents = contents_of(path, name)
     if camera_position is not None:
@@ -307,7 +308,7 @@ def read_scan(
             raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
         contents = replace(contents, camera_position=place)
     try:
-        return _read(contents, path.suffix.lower(), unit, up, most, sizes)
+        return _read_contents(contents, path.suffix.lower(), unit, up, most, sizes)
     except (BadScan, BadFile) as error:
         raise BadScan(f"cannot use the scan {path}: {cut(error, 500)}") from error
     except MemoryError as error:
@@ -316,7 +317,7 @@ def read_scan(
         ) from error
 
 
-def _read(
+def _read_contents(
     contents: ScanContents, suffix: str, unit: str | None, up: str | None, most: int, sizes: Sizes
 ) -> ReadScan:
     contents = without_planes(cleaned(contents, most))
@@ -326,7 +327,7 @@ def _read(
             "most of its points lie within a fiftieth of its size, so that the others are no part "
             "of the same thing; remove what is far away"
         )
-    metres, axis = DECLARED.get(suffix, (None, None))
+    metres, axis = DECLARED_BY_FORMAT.get(suffix, (None, None))
     size = float(extents(cells @ principal_axes(cells).T).max())
     unit, of_unit = unit_of(size, unit, metres, sizes=sizes)
     scale = UNITS[unit]

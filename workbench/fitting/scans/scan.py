@@ -13,7 +13,7 @@ from workbench.geometry.solids import face_vectors, sums_over_faces, vertex_norm
 if TYPE_CHECKING:
     import trimesh
 
-UNIT = 1e-3  # how far the length of a normal may be from 1: files may hold three digits
+UNIT_TOLERANCE = 1e-3  # how far the length of a normal may be from 1: files may hold three digits
 
 
 class BadScan(WorkbenchError):
@@ -50,22 +50,22 @@ class Scan:
         _check_finite("point", self.points)
         if self.normals is not None:
             _check_shape("normals", self.normals, (M, 3))
-            wrong = ~(np.abs(np.linalg.norm(self.normals, axis=1) - 1) <= UNIT)  # nor NaN
+            wrong = ~(np.abs(np.linalg.norm(self.normals, axis=1) - 1) <= UNIT_TOLERANCE)  # nor NaN
             if wrong.any():
-                at = int(np.argmax(wrong))
+                i = int(np.argmax(wrong))
                 raise BadScan(
-                    f"normal {at} is {self.normals[at].tolist()}, whose length is not 1; divide "
+                    f"normal {i} is {self.normals[i].tolist()}, whose length is not 1; divide "
                     "normals by their lengths, or leave out points whose normals are not known"
                 )
         if self.faces is not None:
-            _check_faces(self.faces, M)
+            check_faces(self.faces, M)
         if self.weights is not None:
             _check_shape("weights", self.weights, (M,))
             _check_finite("weight", self.weights)
             if (self.weights < 0).any() or not self.weights.any():
-                at = int(np.argmin(self.weights))
+                i = int(np.argmin(self.weights))
                 raise BadScan(
-                    f"weight {at} is {self.weights[at]:g} m^2; areas are 0 for points that do not "
+                    f"weight {i} is {self.weights[i]:g} m^2; areas are 0 for points that do not "
                     "count, above it for others, and not 0 for all"
                 )
 
@@ -166,16 +166,17 @@ def _check_shape(name: str, array: Array, expected: tuple[int, ...]) -> None:
 def _check_finite(name: str, array: Array) -> None:
     bad = ~np.isfinite(array.reshape(len(array), -1)).all(axis=1)
     if bad.any():
-        at = int(np.argmax(bad))
-        raise BadScan(f"{name} {at} is {array[at].tolist()}; leave out what was not measured")
+        i = int(np.argmax(bad))
+        raise BadScan(f"{name} {i} is {array[i].tolist()}; leave out what was not measured")
 
 
-def _check_faces(faces: Index, M: int) -> None:
+def check_faces(faces: Index, M: int) -> None:
+    """Raise BadScan unless faces (T, 3) are whole numbers of the M points."""
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
         raise BadScan(
             f"the faces of a scan are whole numbers (T, 3), not {faces.dtype} {faces.shape}"
         )
     wrong = ((faces < 0) | (faces >= M)).any(axis=1)
     if wrong.any():
-        at = int(np.argmax(wrong))
-        raise BadScan(f"face {at} is {faces[at].tolist()}, but the points are 0 to {M - 1}")
+        i = int(np.argmax(wrong))
+        raise BadScan(f"face {i} is {faces[i].tolist()}, but the points are 0 to {M - 1}")

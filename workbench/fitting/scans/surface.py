@@ -16,23 +16,23 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks.checks import from_zero
 from workbench.fitting.scans.scan import Scan
 
-LOOKED_AT = 200_000  # points that are looked at
+MOST_OUTLINED = 200_000  # points that are looked at
 OUTLINE_CELLS = 50  # cells along the longest side of the scan
-SHARE = 0.1  # of the points of a usual cell: one with fewer is clutter
-INNER = (1.0, 99.0)  # percentiles between which the scan's own size is looked for
+CLUTTER_SHARE = 0.1  # of the points of a usual cell: one with fewer is clutter
+SIZE_PERCENTILES = (1.0, 99.0)  # percentiles between which the scan's own size is looked for
 SEED = 0
 NEIGHBOURS = 16
-CELLS = 100  # along the longest side of a cloud, whose means make normals: 2 cm of a person
-FEW = 6  # neighbours, from which on circles around a point are looked at for its area
-AT_ONCE = 20_000  # points
-SPARSE = 2.0  # times as far from its neighbours as these from theirs: a point beside the surface
-AROUND = 48  # neighbours: with 24, two to five times as many points of Kinect clouds are marked
-GAP = 2 * np.pi / 3  # rad
-ASKED = 8  # nearest points that are asked
-SPACING = 4  # the number of the neighbour whose distance, in the median, says how dense a scan is
-APART = 2.0  # times that distance: neighbours that are nearer hang together
-ALIKE = 0.5  # cosine of the largest angle between the normals of points that hang together
-LEAST = 3  # such neighbours of a point that is not loose
+NORMAL_CELLS = 100  # along the longest side of a cloud, whose means make normals: 2 cm of a person
+FIRST_CIRCLE = 6  # neighbours, from which on circles around a point are looked at for its area
+POINTS_AT_ONCE = 20_000  # points
+SPARSE_RATIO = 2.0  # times as far from its neighbours as these from theirs: beside the surface
+BOUNDARY_NEIGHBOURS = 48  # with 24, two to five times as many points of Kinect clouds are marked
+BOUNDARY_GAP = 2 * np.pi / 3  # rad
+LOOSE_NEIGHBOURS = 8  # nearest points of each that are looked at
+SPACING_NEIGHBOUR = 4  # the neighbour whose distance, in the median, says how dense a scan is
+LINKED_RATIO = 2.0  # times that distance: neighbours that are nearer hang together
+LINKED_COSINE = 0.5  # cosine of the largest angle between the normals of points that hang together
+FEWEST_LINKED = 3  # such neighbours of a point that is not loose
 
 
 def outline(points: Array) -> Array:
@@ -41,10 +41,10 @@ def outline(points: Array) -> Array:
     A cell with far fewer points than others is clutter. Dense and sparse regions count alike.
     """
     some = points
-    if len(points) > LOOKED_AT:
-        some = points[np.random.default_rng(SEED).choice(len(points), LOOKED_AT, replace=False)]
+    if len(points) > MOST_OUTLINED:
+        some = points[np.random.default_rng(SEED).choice(len(points), MOST_OUTLINED, replace=False)]
     means, cell, counts = means_of_cells(some, OUTLINE_CELLS)
-    enough = counts >= SHARE * np.median(counts[cell])
+    enough = counts >= CLUTTER_SHARE * np.median(counts[cell])
     return np.asarray(means[enough])
 
 
@@ -55,7 +55,7 @@ def means_of_cells(points: Array, along: int) -> tuple[Array, Index, Index]:
     farther from it than it is long are left out. Also the cell of each point that is left, (M,),
     and how many points each cell holds, (C,). Points that are all at one place stay as they are.
     """
-    low, high = np.percentile(points, INNER, axis=0)
+    low, high = np.percentile(points, SIZE_PERCENTILES, axis=0)
     size = float((high - low).max())
     if not size > 0:
         return points, np.arange(len(points)), np.ones(len(points), dtype=np.int64)
@@ -84,13 +84,13 @@ def normals_of_neighbours(points: Array) -> Array:
     depth cameras round, so that their clouds are flat terraces 1 to 2 cm apart, and the normals of
     a smaller neighbourhood would be those of the terraces.
     """
-    places = means_of_cells(points, CELLS)[0]
+    places = means_of_cells(points, NORMAL_CELLS)[0]
     if len(places) < NEIGHBOURS:
         places = points
-    found = np.empty_like(points)
+    normals = np.empty_like(points)
     for rows, near in neighbourhoods(points, NEIGHBOURS, places):
-        found[rows] = least_spread(near)
-    return found
+        normals[rows] = least_spread(near)
+    return normals
 
 
 def least_spread(near: Array) -> Array:
@@ -109,23 +109,23 @@ def areas_of_neighbours(points: Array) -> Array:
     for a large area; no area is therefore larger than four times the median of its neighbours'.
     """
     tree = cKDTree(points)
-    queried = tree.query(points, k=NEIGHBOURS + 1)  # the first is the point itself
-    radii, numbers = (np.asarray(found) for found in queried)
-    k = np.arange(FEW, NEIGHBOURS + 1)
-    areas = np.pi * (radii[:, FEW:] ** 2 / k).mean(axis=1)
+    neighbours = tree.query(points, k=NEIGHBOURS + 1)  # the first is the point itself
+    radii, numbers = (np.asarray(queried) for queried in neighbours)
+    k = np.arange(FIRST_CIRCLE, NEIGHBOURS + 1)
+    areas = np.pi * (radii[:, FIRST_CIRCLE:] ** 2 / k).mean(axis=1)
     usual = np.array(np.median(areas[numbers[:, 1:]], axis=1))
-    return np.asarray(np.minimum(areas, SPARSE**2 * usual))
+    return np.asarray(np.minimum(areas, SPARSE_RATIO**2 * usual))
 
 
-def filled(points: Array, normals: Array) -> Array:
+def filled_normals(points: Array, normals: Array) -> Array:
     """Unit normals (M, 3); where they are zero or not finite, that of the nearest point."""
-    found = units(normals)
-    there = found.any(axis=1)
-    if there.all() or not there.any():
-        return found
-    nearest = cKDTree(points[there]).query(points[~there])[1]
-    found[~there] = found[there][nearest]
-    return found
+    whole = units(normals)
+    known = whole.any(axis=1)
+    if known.all() or not known.any():
+        return whole
+    nearest = cKDTree(points[known]).query(points[~known])[1]
+    whole[~known] = whole[known][nearest]
+    return whole
 
 
 def towards(normals: Array, points: Array, place: Array) -> Array:
@@ -142,8 +142,8 @@ def neighbourhoods(
     """
     among = points if places is None else places
     tree = cKDTree(among)
-    for start in range(0, len(points), AT_ONCE):
-        rows = slice(start, start + AT_ONCE)
+    for start in range(0, len(points), POINTS_AT_ONCE):
+        rows = slice(start, start + POINTS_AT_ONCE)
         yield rows, among[tree.query(points[rows], k=count)[1]]
 
 
@@ -152,9 +152,9 @@ def units(vectors: Array) -> Array:
     with np.errstate(all="ignore"):
         largest = np.abs(vectors).max(axis=1, keepdims=True)
         scaled = vectors / largest
-        found = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-    found[~np.isfinite(found).all(axis=1)] = 0
-    return np.asarray(found)
+        unit_vectors = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    unit_vectors[~np.isfinite(unit_vectors).all(axis=1)] = 0
+    return np.asarray(unit_vectors)
 
 
 def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
@@ -166,13 +166,13 @@ def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
     """
     from_zero("a boundary", width=width)
     if scan.faces is not None:
-        found = np.zeros(scan.n_points, dtype=np.bool_)
-        found[edges_of_one_face(scan.faces)] = True
+        at_boundary = np.zeros(scan.n_points, dtype=np.bool_)
+        at_boundary[edges_of_one_face(scan.faces)] = True
     else:
-        found = boundary_of_cloud(scan.points)
-    if width and found.any():
-        found = np.asarray(cKDTree(scan.points[found]).query(scan.points)[0] <= width)
-    return found
+        at_boundary = boundary_of_cloud(scan.points)
+    if width and at_boundary.any():
+        at_boundary = np.asarray(cKDTree(scan.points[at_boundary]).query(scan.points)[0] <= width)
+    return at_boundary
 
 
 def edges_of_one_face(faces: Index) -> Index:
@@ -185,8 +185,8 @@ def edges_of_one_face(faces: Index) -> Index:
 
 def boundary_of_cloud(points: Array) -> Mask:
     """Which points (M, 3) of a cloud have neighbours on one side only, (M,)."""
-    count = min(AROUND + 1, len(points))
-    found = np.zeros(len(points), dtype=np.bool_)
+    count = min(BOUNDARY_NEIGHBOURS + 1, len(points))
+    at_boundary = np.zeros(len(points), dtype=np.bool_)
     for rows, near in neighbourhoods(points, count):
         n = least_spread(near)
         first = np.cross(n, np.eye(3)[np.argmin(np.abs(n), axis=1)])
@@ -198,8 +198,8 @@ def boundary_of_cloud(points: Array) -> Mask:
             axis=1,
         )
         gaps = np.diff(angles, axis=1, append=angles[:, :1] + 2 * np.pi)
-        found[rows] = gaps.max(axis=1) > GAP
-    return found
+        at_boundary[rows] = gaps.max(axis=1) > BOUNDARY_GAP
+    return at_boundary
 
 
 def loose_points(scan: Scan) -> Mask:
@@ -211,11 +211,11 @@ def loose_points(scan: Scan) -> Mask:
     Rusu and others remove points by the distances of their neighbours alone (Towards 3D point cloud
     based object maps for household environments, 2008). Of fewer than nine points, none is loose.
     """
-    if scan.n_points <= ASKED:
+    if scan.n_points <= LOOSE_NEIGHBOURS:
         return np.zeros(scan.n_points, dtype=bool)
-    found = cKDTree(scan.points).query(scan.points, k=ASKED + 1)
-    off, at = np.asarray(found[0])[:, 1:], np.asarray(found[1])[:, 1:]  # without the point itself
-    together = off <= APART * np.median(off[:, SPACING - 1])
+    neighbours = cKDTree(scan.points).query(scan.points, k=LOOSE_NEIGHBOURS + 1)
+    away, near = (np.asarray(queried)[:, 1:] for queried in neighbours)  # without the point itself
+    together = away <= LINKED_RATIO * np.median(away[:, SPACING_NEIGHBOUR - 1])
     if scan.normals is not None:
-        together &= np.einsum("nki,ni->nk", scan.normals[at], scan.normals) > ALIKE
-    return np.asarray(together.sum(axis=1) < LEAST)
+        together &= np.einsum("nki,ni->nk", scan.normals[near], scan.normals) > LINKED_COSINE
+    return np.asarray(together.sum(axis=1) < FEWEST_LINKED)

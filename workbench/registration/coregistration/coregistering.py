@@ -7,14 +7,14 @@ The joint cost of J scans of S people is, for registrations V_j and a model M,
 
 (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV 2012; Pons-Moll, Virtual Humans 5.1).
 With V held, this is the objective of training, and with the model held every scan is a
-registration of its own. `scan_block` says why the model's blocks take scans as soft observations,
-and `template_prior` why templates are held by edges.
+registration of its own. The package says why the model's blocks take scans as soft observations,
+and `training.priors` why templates are held by edges.
 """
 
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -40,7 +40,7 @@ from workbench.registration.coregistration.scan_block import (
     jobs,
     on_scans,
 )
-from workbench.registration.free_vertices import CLOSE, ScanTerm
+from workbench.registration.free_vertices import CLOSE_TERM, ScanTerm
 from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.checkpoint import FACTS, REMOVE, log_entry
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from workbench.registration.coregistration.triangles import TriangleState
 
 FILE, VERSION = "coregistration.npz", "3:"
-OWN = ("vertices", "trans", "targets", "confidence", "scan_costs")
+STORED = ("vertices", "trans", "targets", "confidence", "scan_costs")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,20 +90,21 @@ class State:
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name, as they are stored."""
-        return self.estimate.arrays() | {name: getattr(self, name) for name in OWN}
+        return self.estimate.arrays() | {name: getattr(self, name) for name in STORED}
 
     def of(self, arrays: Mapping[str, Array], log: tuple[LogEntry, ...]) -> "State":
         """The state of these arrays, named and shaped as `arrays`, and this log."""
-        own = {name: arrays[name] for name in OWN}
-        rest: dict[str, Any] = {n: a for n, a in arrays.items() if n not in {*OWN, "regressor"}}
+        of_scans = {name: arrays[name] for name in STORED}
+        names = arrays.keys() - {*STORED, "regressor"}
+        of_model: dict[str, Any] = {name: arrays[name] for name in names}
         regressor = csr_array(arrays["regressor"])
-        return State(replace(self.estimate, **rest, regressor=regressor), **own, log=log)
+        return State(replace(self.estimate, **of_model, regressor=regressor), **of_scans, log=log)
 
 
 def save_state(state: "AnyState", folder: Path, fingerprint: str) -> None:
     """Write the checkpoint, completely or not at all."""
-    told = {"fingerprint": fingerprint, "log": [asdict(entry) for entry in state.log]}
-    stored: dict[str, Any] = {FACTS: np.array(json.dumps(told)), **state.arrays()}
+    stored_facts = {"fingerprint": fingerprint, "log": [asdict(entry) for entry in state.log]}
+    stored: dict[str, Any] = {FACTS: np.array(json.dumps(stored_facts)), **state.arrays()}
     with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
         np.savez(file, **stored)
 
@@ -118,8 +119,8 @@ def read_state(folder: Path, fingerprint: str, first: "AnyState") -> "AnyState |
     if not path.exists():
         return None
     with opened(path, "checkpoint of this coregistration", REMOVE) as archive:
-        told = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
-        if (digest := told.text("fingerprint")) != fingerprint:
+        stored_facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+        if (digest := stored_facts.text("fingerprint")) != fingerprint:
             raise BadFile(
                 "it is of other scans, another body or other settings"
                 if digest.startswith(VERSION)
@@ -129,9 +130,9 @@ def read_state(folder: Path, fingerprint: str, first: "AnyState") -> "AnyState |
             name: doubles(*array.shape) for name, array in first.arrays().items()
         }
         nothing_else(archive, (*expected, FACTS))
-        found = read_expected(archive, expected)
-        log = told.several("log", log_entry)
-    return first.of(found, log)
+        arrays = read_expected(archive, expected)
+        log = stored_facts.several("log", log_entry)
+    return first.of(arrays, log)
 
 
 def fingerprint(scans: Scans, first: "State | TriangleState", plan: object) -> str:
@@ -146,8 +147,8 @@ def fingerprint(scans: Scans, first: "State | TriangleState", plan: object) -> s
     return VERSION + digest.hexdigest()
 
 
-EDGES = 0.01  # m
-SETTINGS = Sigmas(data=0.003, rings=0.002, posedirs=0.001, weights=0.05)
+EDGE_SIGMA = 0.01  # m
+SIGMAS = Sigmas(data=0.003, rings=0.002, posedirs=0.001, weights=0.05)
 
 
 @dataclass(frozen=True)
@@ -166,10 +167,10 @@ class CoregistrationPlan:
     """
 
     rounds: int = 4
-    sigmas: Sigmas = SETTINGS
-    edges: float = EDGES
+    sigmas: Sigmas = SIGMAS
+    edges: float = EDGE_SIGMA
     blocks: tuple[str, ...] = ("people", "surfaces", "regressor")
-    term: ScanTerm = CLOSE
+    term: ScanTerm = CLOSE_TERM
     options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
 
     def __post_init__(self) -> None:
@@ -252,15 +253,15 @@ class Coregistration:
 
     def costs(self, state: State) -> dict[str, float]:
         """The joint cost of a state, by term."""
-        data = InMemory(state.vertices, self.scans.subject)
-        found = self.objective(data).costs(state.estimate)
-        return {"E_S": float(state.scan_costs.sum()), "E_C": found.pop("E_D")} | found
+        registrations = InMemory(state.vertices, self.scans.subject)
+        terms = self.objective(registrations).costs(state.estimate)
+        return {"E_S": float(state.scan_costs.sum()), "E_C": terms.pop("E_D")} | terms
 
     def first(self, fits: Sequence[Fitted]) -> State:
         """The state that begins: every subject has the median of the betas of its scans."""
         body, subject = self.body, self.scans.subject
-        each = median_betas(fits, subject)
-        templates = np.stack([body.template + body.shapedirs @ one for one in each])
+        medians = median_betas(fits, subject)
+        templates = np.stack([body.template + body.shapedirs @ betas for betas in medians])
         estimate = Estimate(
             templates,
             np.stack([body.J_regressor @ T for T in templates]),
@@ -308,21 +309,15 @@ class Coregistration:
         KeyboardInterrupt after Ctrl-C, when the checkpoint of the last block is on disk.
         """
         first = self.first(fits)
-        known, keep = "", Keeping()
-        state = None
-        if folder is not None:
-            known = fingerprint(self.scans, first, self.plan)
-            state = read_state(folder, known, first)
+        digest = fingerprint(self.scans, first, self.plan) if folder else ""
+        steps = [*("registrations", "model") * self.plan.rounds, "registrations"]
+
+        def measured(state: State) -> State:
+            return self._with(state, self._on_scans(state, execution))
+
         with limited_threads():
-            if state is None:
-                state = self._with(first, self._on_scans(first, execution))
             return in_turn(
-                state,
-                [*("registrations", "model") * self.plan.rounds, "registrations"],
-                self.costs,
-                self._step,
-                execution,
-                lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
+                first, measured, steps, self.costs, self._step, folder, digest, execution
             )
 
     def _step(
@@ -336,13 +331,13 @@ class Coregistration:
         self, state: State, cost: float, execution: Execution
     ) -> tuple[State, dict[str, float]]:
         """The step of the model, as much of it as lowers the joint cost."""
-        soft = InMemory(state.targets, self.scans.subject, state.confidence)
-        objective = self.objective(soft)
+        observations = InMemory(state.targets, self.scans.subject, state.confidence)
+        objective = self.objective(observations)
         moved = state.estimate
         for name in self.plan.blocks:
             task = replace(execution, task=f"model, {name}")
-            given = BlockInput(objective, self.body.faces, self.plan.options, task)
-            moved, _ = BLOCKS[name](given, moved)
+            context = BlockInput(objective, self.body.faces, self.plan.options, task)
+            moved, _ = BLOCKS[name](context, moved)
 
         def part(share: float) -> State:
             tried = self._moved(state, objective, _between(state.estimate, moved, share))
@@ -355,53 +350,62 @@ class Coregistration:
         batch = objective.registrations.read(slice(0, len(self.scans.subject)))
         posed = _posed(objective, estimate)
         _, trans = centred(batch, batch.vertices - posed)
-        there = posed + trans[:, None]
-        vertices = there + trusted(batch, batch.vertices - there)  # what E_S and E_C want together
+        model = posed + trans[:, None]
+        vertices = model + trusted(batch, batch.vertices - model)  # what E_S and E_C want together
         return replace(state, estimate=estimate, trans=trans, vertices=vertices)
 
     def _on_scans(self, state: State, execution: Execution, solve: bool = False) -> list[OnScan]:
         plan = self.plan
         whole = area(self.body.template, self.body.faces)
         coupled = ScanCoupling(self.body.faces, whole, plan.sigmas.data, plan.term)
-        todo = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
-        found: list[OnScan] = []
-        for some in execution.executor(partial(on_scans, coupled, self.scans, solve), todo):
-            found += some
-            execution.finished(len(found), len(self.scans.subject))
-        return found
+        batches = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
+        work = partial(on_scans, coupled, self.scans, solve)
+        scans: list[OnScan] = []
+        for some in execution.executor(work, batches):
+            scans += some
+            execution.finished(len(scans), len(self.scans.subject))
+        return scans
 
-    def _with(self, state: State, found: Iterable[OnScan]) -> State:
+    def _with(self, state: State, scans: Sequence[OnScan]) -> State:
         """The state with what was found on every scan."""
-        each = list(found)
-        stacked: dict[str, Any] = {n: np.array([getattr(one, n) for one in each]) for n in OWN}
-        poses = np.array([one.pose for one in each])
+        stacked: dict[str, Any] = {
+            name: np.array([getattr(scan, name) for scan in scans]) for name in STORED
+        }
+        poses = np.array([scan.pose for scan in scans])
         return replace(state, estimate=replace(state.estimate, poses=poses), **stacked)
 
 
 def in_turn(
-    state: AnyState,
+    first: AnyState,
+    measured: Callable[[AnyState], AnyState],
     steps: Sequence[str],
     costs: Callable[[AnyState], dict[str, float]],
     step: Callable[[AnyState, str, float, Execution], tuple[AnyState, dict[str, float]]],
+    folder: Path | None,
+    digest: str,
     execution: Execution,
-    keep: Callable[[AnyState], object] = lambda state: None,
 ) -> AnyState:
-    """The blocks in turn, from where the log of the state ends; each is written into it.
+    """The blocks in turn, from the first state, `measured`, or from the checkpoint in the folder.
 
-    `step` is given the state, the block's name and the joint cost. Raises NotLowered if a block
-    raises that cost, and KeyboardInterrupt between two blocks.
+    Each block is written into the state's log, and the state into the folder. `step` is given the
+    state, the block's name and the joint cost. Raises NotLowered if a block raises that cost, and
+    KeyboardInterrupt between two blocks.
     """
+    stored = read_state(folder, digest, first) if folder else None
+    state: AnyState = measured(first) if stored is None else stored
+    keep = Keeping()
     started, already = time.perf_counter(), len(state.log)
     with Interrupts() as interrupts:
         for number, block in enumerate(steps[already:], start=already + 1):
             interrupts.check()
             began, before = time.perf_counter(), costs(state)
             task = replace(execution, task=block)
-            found, facts = step(state, block, sum(before.values()), task)
-            entry = LogEntry(block, before, costs(found), facts, time.perf_counter() - began)
+            moved, facts = step(state, block, sum(before.values()), task)
+            entry = LogEntry(block, before, costs(moved), facts, time.perf_counter() - began)
             entry.check_lowered()
-            state = replace(found, log=(*state.log, entry))
-            keep(state)
+            state = replace(moved, log=(*state.log, entry))
+            if folder:
+                keep(partial(save_state, state, folder, digest))
             execution.report.block(Progress.since(started, already, number, len(steps), entry))
     return state
 

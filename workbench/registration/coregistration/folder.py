@@ -17,9 +17,9 @@ from workbench.reading.facts import json_in
 from workbench.registration.coregistration.coregistering import Fitted
 from workbench.training.folder import TABLE, Row, read_table
 
-SUMMARY = "summary.json"
-SCAN, BODY = "scan.npz", "start.npz"  # beside a registration, and in the folder of all
-AGAIN = "repeat `workbench register`"
+SUMMARY_FILE = "summary.json"
+SCAN_FILE, BODY_FILE = "scan.npz", "start.npz"  # beside a registration, and in the folder of all
+REMEDY = "repeat `workbench register`"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,28 +45,28 @@ class RegisteredScans:
 
     def read(self, row: int) -> Scan:
         """The points that were registered, with normals and areas. Raises BadFile."""
-        path = (self.place / self.rows[row].file).with_name(SCAN)
-        with opened(path, "registered scan", AGAIN) as archive:
-            wanted = {
+        path = (self.place / self.rows[row].file).with_name(SCAN_FILE)
+        with opened(path, "registered scan", REMEDY) as archive:
+            expected = {
                 "points": reals("M", 3),
                 "normals": optional(reals("M", 3)),
                 "areas": optional(reals("M")),
             }
-            found = read_expected(archive, wanted)
+            arrays = read_expected(archive, expected)
             try:
-                return Scan(found["points"], found.get("normals"), weights=found.get("areas"))
+                return Scan(arrays["points"], arrays.get("normals"), weights=arrays.get("areas"))
             except BadScan as error:
                 raise BadFile(str(error)) from error
 
     def doubts(self) -> dict[str, tuple[str, ...]]:
         """What spoke against each registration by itself, by scans. Raises BadFile."""
-        found = {}
+        by_scan = {}
         for name, row in zip(self.names, self.rows, strict=True):
-            path = (self.place / row.file).with_name(SUMMARY)
-            told = json_in(path).get("warnings", []) if path.is_file() else []
-            if told:
-                found[name] = tuple(map(str, told))
-        return found
+            path = (self.place / row.file).with_name(SUMMARY_FILE)
+            warnings = json_in(path).get("warnings", []) if path.is_file() else []
+            if warnings:
+                by_scan[name] = tuple(map(str, warnings))
+        return by_scan
 
     def fitted(self, row: int, body: SkinnedBody) -> Fitted:
         """The body as it was fitted to a scan. Raises BadFile."""
@@ -77,14 +77,14 @@ class RegisteredScans:
         return self._arrays(row, body, ("vertices",))["vertices"]
 
     def _arrays(self, row: int, body: SkinnedBody, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-        wanted = {
+        expected = {
             "pose": reals(body.n_joints, 3),
             "betas": reals(body.n_betas),
             "trans": reals(3),
             "vertices": reals(body.n_vertices, 3),
         }
-        with opened(self.place / self.rows[row].file, "registration", AGAIN) as archive:
-            return read_expected(archive, {name: wanted[name] for name in names})
+        with opened(self.place / self.rows[row].file, "registration", REMEDY) as archive:
+            return read_expected(archive, {name: expected[name] for name in names})
 
 
 def open_registered(place: Path) -> tuple[SkinnedBody, RegisteredScans]:
@@ -92,12 +92,13 @@ def open_registered(place: Path) -> tuple[SkinnedBody, RegisteredScans]:
 
     Raises BadFile for another folder, a scan that cannot be read, and two scans that are the same.
     """
-    if not (place / TABLE).is_file() or not (place / BODY).is_file():
+    if not (place / TABLE).is_file() or not (place / BODY_FILE).is_file():
         raise BadFile(
-            f"{place} holds no {TABLE} and {BODY} of registered scans; register them first with "
-            "`workbench register SCANS/ --subjects TABLE.csv`, and give the folder that it writes"
+            f"{place} holds no {TABLE} and {BODY_FILE} of registered scans; register them first "
+            "with `workbench register SCANS/ --subjects TABLE.csv`, and give the folder that it "
+            "writes"
         )
-    body, rows = load_skinned(place / BODY), read_table(place / TABLE)
+    body, rows = load_skinned(place / BODY_FILE), read_table(place / TABLE)
     number = {name: s for s, name in enumerate(dict.fromkeys(row.subject for row in rows))}
     scans = RegisteredScans(place, rows, np.array([number[row.subject] for row in rows]))
     known: dict[str, str] = {}
@@ -124,12 +125,12 @@ def distances(scans: RegisteredScans, body: SkinnedBody, together: Array) -> dic
     rows = []
     for j, vertices in enumerate(together):
         scan, apart = scans.read(j), scans.registration(j, body)
-        near = []
+        medians = []
         for surface in (apart, vertices):
             tree = SurfaceTree(surface, body.faces)
-            at = tree.closest(scan.points, WITHIN, scan.normals, FACING)
-            near.append(float(np.median(np.abs(at.distances[at.faces >= 0]))))
-        rows.append([*near, float(np.linalg.norm(vertices - apart, axis=1).mean())])
+            contacts = tree.closest(scan.points, WITHIN, scan.normals, FACING)
+            medians.append(float(np.median(np.abs(contacts.distances[contacts.faces >= 0]))))
+        rows.append([*medians, float(np.linalg.norm(vertices - apart, axis=1).mean())])
     apart_m, together_m, moved = np.array(rows).T
     return {"apart": apart_m, "together": together_m, "moved": moved}
 

@@ -21,11 +21,11 @@ from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
 from workbench.fitting.scans.scan import Scan
 from workbench.problem import Problem
-from workbench.problem.banded import BlockMatrix
+from workbench.problem.storage import unblocked
 from workbench.registration.free_vertices import (
-    CLOSE,
-    SETTLED,
-    TOGETHER,
+    CLOSE_TERM,
+    JOINT_SOLVER,
+    SETTLED_SHARE,
     VERTICES,
     ScanTerm,
     Settled,
@@ -35,8 +35,8 @@ from workbench.residuals.kernels import Kernel, OfNorms
 from workbench.training.estimate import Estimate
 from workbench.training.poses import body_of_subjects
 
-TINY = 1e-12  # a derivative's length, below which it has no direction
-UNSEEN = 1e-3  # of 1 / sigma_C^2: what is known less of, a scan does not see
+NO_DIRECTION = 1e-12  # a derivative's length, below which it has no direction
+LEAST_SEEN = 1e-3  # of 1 / sigma_C^2: a scan does not see a direction of less precision
 
 
 def scan_evidence(residual: Residual, vertices: Array, coupling: float) -> tuple[Array, Array]:
@@ -44,9 +44,15 @@ def scan_evidence(residual: Residual, vertices: Array, coupling: float) -> tuple
 
     First the targets (N, 3) m, where the scan would put each vertex; the vertex itself where it
     says nothing. Then the confidence (N, 3, 3), symmetric: how surely, against the coupling of
-    sigma `coupling` in m, with eigenvalues from 0 to 1. A row that reads several vertices, or
-    several coordinates, is bounded as above, with the lengths of its derivatives as shares. Raises
-    BadArgument for a kernel of norms.
+    sigma `coupling` in m, with eigenvalues from 0 to 1.
+
+    A row of the Jacobian couples the vertices that it reads. Its square is replaced by an upper
+    bound that does not, so that each vertex has a Hessian (3, 3) of its own: with the derivatives
+    d_i of the row by vertex i,
+
+        (sum_i d_i . v_i)^2  <=  sum_k |d_k|  sum_i (d_i . v_i)^2 / |d_i|.
+
+    Raises BadArgument for a kernel of norms.
     """
     if isinstance(residual.kernel, OfNorms):
         raise BadArgument(
@@ -55,9 +61,8 @@ def scan_evidence(residual: Residual, vertices: Array, coupling: float) -> tuple
         )
     N = len(vertices)
     plain = Problem((replace(residual, kernel=quadratic),), (VERTICES,))
-    here = plain.linearize({VERTICES: vertices})
-    whole, r = here.jacobian, here.residual
-    J = csr_array(whole.sparse if isinstance(whole, BlockMatrix) else whole)
+    linear = plain.linearize({VERTICES: vertices})
+    J, r = csr_array(unblocked(linear.jacobian)), linear.residual
     outside = 1.0 if residual.weights is None else np.asarray(residual.weights, dtype=float)
     counts = np.broadcast_to(outside, len(r) // residual.rows_per_point)
     counts = np.repeat(counts, residual.rows_per_point)
@@ -65,15 +70,15 @@ def scan_evidence(residual: Residual, vertices: Array, coupling: float) -> tuple
     rows, corners, derivatives = _by_vertex(J)
     lengths = np.linalg.norm(derivatives, axis=1)
     total = np.bincount(rows, lengths, len(r))
-    along = derivatives / np.maximum(lengths, TINY)[:, None]
+    along = derivatives / np.maximum(lengths, NO_DIRECTION)[:, None]
     scale = (w * total)[rows] * lengths
-    L, gradient = np.zeros((N, 3, 3)), np.zeros((N, 3))
-    np.add.at(L, corners, scale[:, None, None] * along[:, :, None] * along[:, None, :])
+    hessian, gradient = np.zeros((N, 3, 3)), np.zeros((N, 3))
+    np.add.at(hessian, corners, scale[:, None, None] * along[:, :, None] * along[:, None, :])
     np.add.at(gradient, corners, (w * r)[rows, None] * derivatives)
-    e, Q = np.linalg.eigh(L)
-    seen = e > UNSEEN / coupling**2
-    inverse = np.where(seen, 1 / np.where(seen, e, 1.0), 0.0)
-    shrunk = np.where(seen, e / (e + coupling**-2), 0.0)
+    eigenvalues, Q = np.linalg.eigh(hessian)
+    seen = eigenvalues > LEAST_SEEN / coupling**2
+    inverse = np.where(seen, 1 / np.where(seen, eigenvalues, 1.0), 0.0)
+    shrunk = np.where(seen, eigenvalues / (eigenvalues + coupling**-2), 0.0)
     moved = np.einsum("nab,nb,ncb,nc->na", Q, inverse, Q, -gradient)
     return vertices + moved, np.einsum("nab,nb,ncb->nac", Q, shrunk, Q)
 
@@ -137,7 +142,7 @@ class ScanCoupling:
     faces: Index
     area: float
     coupling: float
-    term: ScanTerm = CLOSE
+    term: ScanTerm = CLOSE_TERM
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +183,7 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
 
     With `solve` they are found, and no cost is higher afterwards.
     """
-    estimate, found = job.estimate, []
+    estimate, results = job.estimate, []
     body = body_of_subjects(estimate, coupled.faces)
     N = estimate.templates.shape[1]
     pose, betas, trans = (block.symbol for block in body.blocks())
@@ -187,8 +192,8 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
     coupling = vertices(points, block.symbol, sigma=coupled.coupling, name="coupling")
     prior = pose_prior(body)
     for i, row in enumerate(job.rows):
-        there = scans.read(row)
-        scan = coupled.term.residual(block.symbol, coupled.faces, there, coupled.area)
+        scan = scans.read(row)
+        data = coupled.term.residual(block.symbol, coupled.faces, scan, coupled.area)
         values = {
             "pose": estimate.poses[i],
             "betas": np.eye(len(estimate.templates))[job.subject[i]],
@@ -197,18 +202,18 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
         }
         if solve:
             free = ("pose", "trans", VERTICES)
-            problem = Problem((scan, coupling, prior), free, blocks=(block,))
-            values |= TOGETHER.solve(problem, values, callback=Settled(SETTLED)).values
-        found.append(
+            problem = Problem((data, coupling, prior), free, blocks=(block,))
+            values |= JOINT_SOLVER.solve(problem, values, callback=Settled(SETTLED_SHARE)).values
+        results.append(
             OnScan(
                 values[VERTICES],
                 values["pose"],
                 values["trans"],
-                cost_of_scan(scan, values),
-                *scan_evidence(scan, values[VERTICES], coupled.coupling),
+                cost_of_scan(data, values),
+                *scan_evidence(data, values[VERTICES], coupled.coupling),
             )
         )
-    return found
+    return results
 
 
 def cost_of_scan(residual: Residual, values: Values) -> float:

@@ -27,18 +27,19 @@ from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
 from workbench.training.triangles import neighbour_differences
 
-FREE = 1e-6  # of the coupling: what holds the place of vertices that no scan and no edge holds
-TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations
+PLACE_PRECISION = 1e-6  # of the coupling's: holds the place of vertices that nothing else holds
+TOLERANCE, MOST_ITERATIONS = 1e-2, 60  # of the gradient, and iterations
 
 
 @dataclass(frozen=True, eq=False)
 class PersonDeformations:
-    """D of one subject; `here` is the body at the pose of each of the subject's scans, `neighbours`
-    sigma_D, and `fitted` D (F, 3, 3) from which the differences of neighbours are counted.
+    """D of one subject; `surfaces` are the body at the pose of each of the subject's scans,
+    `neighbours` is sigma_D, and `fitted` (F, 3, 3) is the D from which the differences of
+    neighbours are counted.
     """
 
     body: TriangleBody
-    here: Sequence[TriangleSurface]
+    surfaces: Sequence[TriangleSurface]
     neighbours: float
     fitted: Array
 
@@ -50,35 +51,38 @@ class PersonDeformations:
     @property
     def prior_gradient(self) -> Array:
         """The gradient of E_D."""
-        return np.asarray(self.prior @ (self.here[0].D - self.fitted).ravel())
+        return np.asarray(self.prior @ (self.surfaces[0].D - self.fitted).ravel())
 
     def forth(self, j: int, x: Array) -> Array:
         """The change B dD (Q e) of every edge, for a change dD (9 F,) of the deformations."""
-        at = self.here[j]
-        moved = np.einsum("fab,fbc,fic->fia", at.B, x.reshape(-1, 3, 3), at.bent, optimize=True)
+        surface = self.surfaces[j]
+        B, dD, bent = surface.B, x.reshape(-1, 3, 3), surface.bent
+        moved = np.einsum("fab,fbc,fic->fia", B, dD, bent, optimize=True)
         return np.asarray(moved.reshape(-1, 3))
 
     def back(self, j: int, cotangent: Array) -> Array:
         """The sum over edges of B' cotangent (Q e)'."""
-        at, on = self.here[j], cotangent.reshape(-1, 2, 3)
-        return np.asarray(np.einsum("fab,fia,fic->fbc", at.B, on, at.bent, optimize=True).ravel())
+        surface, cotangents = self.surfaces[j], cotangent.reshape(-1, 2, 3)
+        B, bent = surface.B, surface.bent
+        on_D = np.einsum("fab,fia,fic->fbc", B, cotangents, bent, optimize=True)
+        return np.asarray(on_D.ravel())
 
     def grams(self, j: int) -> Array:
         """The Kronecker product of B'B and the sum over edges of (Q e)(Q e)'."""
-        at = self.here[j]
-        left = at.B.transpose(0, 2, 1) @ at.B
-        right = at.bent.transpose(0, 2, 1) @ at.bent
+        surface = self.surfaces[j]
+        left = surface.B.transpose(0, 2, 1) @ surface.B
+        right = surface.bent.transpose(0, 2, 1) @ surface.bent
         return np.asarray(np.einsum("fab,fcd->facbd", left, right).reshape(-1, 9, 9))
 
 
 @dataclass(frozen=True, eq=False)
 class PoseDeformations:
-    """Q of all subjects, by `posedirs`; `here` is the body at the pose and subject of each scan,
-    `bends` sigma_Q per rad, and `first` the posedirs from which the change is counted.
+    """Q of all subjects, by `posedirs`; `surfaces` are the body at the pose and subject of each
+    scan, `bends` is sigma_Q per rad, and `first` are the posedirs from which the change is counted.
     """
 
     body: TriangleBody
-    here: Sequence[TriangleSurface]
+    surfaces: Sequence[TriangleSurface]
     bends: float
     first: Array
 
@@ -94,24 +98,25 @@ class PoseDeformations:
 
     def forth(self, j: int, x: Array) -> Array:
         """The change B D dP e of every edge, dP being the change of posedirs times the twists."""
-        at, e = self.here[j], self.body.arithmetic.packed.edges
-        turned = np.einsum("facj,fj->fac", x.reshape(self.body.posedirs.shape), at.twists)
-        moved = (at.B @ at.D @ turned) @ e.transpose(0, 2, 1)  # (F, 3, 2)
+        surface, e = self.surfaces[j], self.body.arithmetic.packed.edges
+        turned = np.einsum("facj,fj->fac", x.reshape(self.body.posedirs.shape), surface.twists)
+        moved = (surface.B @ surface.D @ turned) @ e.transpose(0, 2, 1)  # (F, 3, 2)
         return np.asarray(moved.transpose(0, 2, 1).reshape(-1, 3))
 
     def back(self, j: int, cotangent: Array) -> Array:
         """The sum over edges of (B D)' cotangent e' twists'."""
-        at, on, e = self.here[j], cotangent.reshape(-1, 2, 3), self.body.arithmetic.packed.edges
-        by_turn = (at.B @ at.D).transpose(0, 2, 1) @ (on.transpose(0, 2, 1) @ e)
-        return np.asarray(np.einsum("fac,fj->facj", by_turn, at.twists).ravel())
+        surface, e = self.surfaces[j], self.body.arithmetic.packed.edges
+        cotangents = cotangent.reshape(-1, 2, 3)
+        by_turn = (surface.B @ surface.D).transpose(0, 2, 1) @ (cotangents.transpose(0, 2, 1) @ e)
+        return np.asarray(np.einsum("fac,fj->facj", by_turn, surface.twists).ravel())
 
     def grams(self, j: int) -> Array:
         """The Kronecker product of (B D)'B D, the sum of e e', and twists twists'."""
-        at, e = self.here[j], self.body.arithmetic.packed.edges
-        BD = at.B @ at.D
+        surface, e = self.surfaces[j], self.body.arithmetic.packed.edges
+        BD = surface.B @ surface.D
         left, middle = BD.transpose(0, 2, 1) @ BD, e.transpose(0, 2, 1) @ e
-        found = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, at.twists, at.twists)
-        return np.asarray(found.reshape(len(e), 9 * at.twists.shape[1], -1))
+        products = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, surface.twists, surface.twists)
+        return np.asarray(products.reshape(len(e), 9 * surface.twists.shape[1], -1))
 
 
 Unknown = PersonDeformations | PoseDeformations
@@ -148,9 +153,9 @@ class JointStep:
     coupling: float
     body: TriangleBody
     tolerance: float = TOLERANCE
-    most: int = MOST
+    most: int = MOST_ITERATIONS
 
-    def found(self) -> tuple[Array, list[Array]]:
+    def solve(self) -> tuple[Array, list[Array]]:
         """The change (n,) of the unknown, and that (N, 3) m of the vertices of each scan."""
         u, s2 = self.unknown, self.coupling**2
         gaps = [
@@ -198,7 +203,7 @@ class JointStep:
     def _factors(self) -> list[Callable[[Array], Array]]:
         A = self.body.stitching.A
         stiff = kron(A.T @ A, eye_array(3)) / self.coupling**2
-        held = eye_array(stiff.shape[0]) * (FREE / self.coupling**2)
+        held = eye_array(stiff.shape[0]) * (PLACE_PRECISION / self.coupling**2)
         return [_solver(scan.normal + stiff + held) for scan in self.scans]
 
     def _preconditioner(self) -> Callable[[Array], Array]:
@@ -208,9 +213,13 @@ class JointStep:
             q = grams.shape[1]
             inverse = np.linalg.inv(grams + prior.diagonal().reshape(-1, q)[:, :, None] * np.eye(q))
             return lambda x: np.asarray(inverse @ x.reshape(-1, q, 1)).ravel()
-        return _solver(
-            block_diag(list(grams), format="csc") + prior + FREE * eye_array(prior.shape[0])
-        )
+        held = PLACE_PRECISION * eye_array(prior.shape[0])
+        return _solver(block_diag(list(grams), format="csc") + prior + held)
+
+
+def model_edges(surface: TriangleSurface) -> Array:
+    """The edges X_f e_fi (2 F, 3) m of the triangles of a posed body, not stitched."""
+    return np.asarray(np.einsum("fab,fib->fia", surface.B, surface.shaped).reshape(-1, 3))
 
 
 def differing(body: TriangleBody, neighbours: float) -> csr_array:
@@ -231,18 +240,18 @@ def learned_bends(body: TriangleBody, poses: Array, meshes: Array, ratio: float)
     if not 0 < ratio < np.inf:
         raise BadArgument(f"the ratio of the sigmas is above 0 m rad, not {ratio:g}")
     plain = replace(body, posedirs=np.zeros_like(body.posedirs))
-    here = [plain.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in poses]
-    given = PoseDeformations(plain, here, 1 / ratio, plain.posedirs)
+    surfaces = [plain.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in poses]
+    unknown = PoseDeformations(plain, surfaces, 1 / ratio, plain.posedirs)
     gaps = [
-        (edges(mesh, body.faces) - np.einsum("fab,fib->fia", at.B, at.shaped)).reshape(-1, 3)
-        for mesh, at in zip(meshes, here, strict=True)
+        edges(mesh, body.faces).reshape(-1, 3) - model_edges(surface)
+        for mesh, surface in zip(meshes, surfaces, strict=True)
     ]
-    T = 9 * here[0].twists.shape[1]
+    T = 9 * surfaces[0].twists.shape[1]
     grams, right = ratio**2 * np.eye(T), np.zeros(body.posedirs.size)
     for j, gap in enumerate(gaps):
-        grams, right = grams + given.grams(j), right + given.back(j, gap)
-    found = np.linalg.solve(grams, right.reshape(-1, T, 1))
-    return replace(body, posedirs=np.asarray(found).reshape(body.posedirs.shape))
+        grams, right = grams + unknown.grams(j), right + unknown.back(j, gap)
+    posedirs = np.linalg.solve(grams, right.reshape(-1, T, 1))
+    return replace(body, posedirs=np.asarray(posedirs).reshape(body.posedirs.shape))
 
 
 def _solver(A: csc_array) -> Callable[[Array], Array]:

@@ -40,8 +40,6 @@ from workbench.registration.coregistration.coregistering import (
     in_turn,
     lowered,
     median_betas,
-    read_state,
-    save_state,
 )
 from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans, cost_of_scan
 from workbench.registration.coregistration.triangle_steps import (
@@ -52,11 +50,12 @@ from workbench.registration.coregistration.triangle_steps import (
     Unknown,
     differing,
     learned_bends,
+    model_edges,
 )
 from workbench.registration.free_vertices import (
-    CLOSE,
-    SETTLED,
-    TOGETHER,
+    CLOSE_TERM,
+    JOINT_SOLVER,
+    SETTLED_SHARE,
     VERTICES,
     ScanTerm,
     Settled,
@@ -65,7 +64,6 @@ from workbench.registration.free_vertices import (
 from workbench.residuals import Residual, stitching
 from workbench.training.execution import SERIAL, Execution, LogEntry
 from workbench.training.triangles import learn_gradient_shapes
-from workbench.writing import Keeping
 
 
 @dataclass(frozen=True)
@@ -88,7 +86,7 @@ class TrianglePlan:
     neighbours: float = 0.05
     bends: float = 0.1
     blocks: tuple[str, ...] = ("persons", "bends")
-    term: ScanTerm = CLOSE
+    term: ScanTerm = CLOSE_TERM
 
     def __post_init__(self) -> None:
         lengths = {name: getattr(self, name) for name in ("coupling", "neighbours", "bends")}
@@ -117,12 +115,12 @@ class TriangleState:
     def templates(self) -> Array:
         """(S, N, 3) m, every subject at rest."""
         rest = np.zeros((self.body.n_joints, 3))
-        return np.stack([self.body.vertices(rest, one) for one in np.eye(self.body.n_betas)])
+        return np.stack([self.body.vertices(rest, betas) for betas in np.eye(self.body.n_betas)])
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name, as they are stored."""
-        own = {name: getattr(self, name) for name in ("poses", "vertices", "scan_costs")}
-        return {"shapedirs": self.body.shapedirs, "posedirs": self.body.posedirs, **own}
+        of_scans = {name: getattr(self, name) for name in ("poses", "vertices", "scan_costs")}
+        return {"shapedirs": self.body.shapedirs, "posedirs": self.body.posedirs, **of_scans}
 
     def of(self, arrays: Mapping[str, Array], log: tuple[LogEntry, ...]) -> "TriangleState":
         """The state of these arrays, named and shaped as `arrays`, and this log."""
@@ -154,8 +152,8 @@ class TriangleCoregistration:
         `vertices` (J, N, 3) m are registrations of each scan by itself.
         """
         subject, F = self.scans.subject, self.body.n_faces
-        each = median_betas(fits, subject)
-        columns = self.body.shapedirs.reshape(9 * F, -1) @ np.stack(each, axis=1)
+        betas_of_subjects = median_betas(fits, subject)
+        columns = self.body.shapedirs.reshape(9 * F, -1) @ np.stack(betas_of_subjects, axis=1)
         body = replace(self.body, shapedirs=columns.reshape(F, 3, 3, -1))
         poses = np.stack([fit.pose for fit in fits])
         return TriangleState(body, poses, vertices, np.zeros(len(fits)))
@@ -198,10 +196,7 @@ class TriangleCoregistration:
         if a block raises the joint cost, and BadFile for a checkpoint of something else.
         """
         first = self.first(fits, vertices)
-        known, keep, state = "", Keeping(), None
-        if folder is not None:
-            known = fingerprint(self.scans, first, self.plan)
-            state = read_state(folder, known, first)
+        digest = fingerprint(self.scans, first, self.plan) if folder else ""
 
         def costs(state: TriangleState) -> dict[str, float]:
             return self.costs(state, first.body)
@@ -215,47 +210,41 @@ class TriangleCoregistration:
             return lowered(state, part, costs, cost, SHARES)
 
         steps = [*self.plan.blocks, "registrations"] * self.plan.rounds
-        return in_turn(
-            self._measured(first) if state is None else state,
-            steps,
-            costs,
-            step,
-            execution,
-            lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
-        )
+        return in_turn(first, self._measured, steps, costs, step, folder, digest, execution)
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:
         """The joint cost of a state, by term; E_D and E_Q count from the body `first`."""
         plan, gaps = self.plan, 0.0
         for j in range(len(state.poses)):
             e = edges(state.vertices[j], self.body.faces).reshape(-1, 3)
-            gaps += float(((e - _edges_of(state.body, self._here(state, j))) ** 2).sum())
+            gaps += float(((e - model_edges(self._posed(state, j))) ** 2).sum())
         prior = Problem((pose_prior(self.body),), ("pose",))
-        found = {"E_S": float(state.scan_costs.sum()), "E_C": gaps / 2 / plan.coupling**2}
-        found["E_pose"] = sum(prior.linearize({"pose": p}).cost for p in state.poses)
-        D = np.zeros((self.body.n_faces * 9, state.body.n_betas))
-        D += (state.body.shapedirs - first.shapedirs).reshape(D.shape)
-        tied = differing(self.body, plan.neighbours)
-        found["E_D"] = float((D * (tied @ D)).sum()) / 2
-        found["E_Q"] = (
-            float(((state.body.posedirs - first.posedirs) ** 2).sum()) / 2 / plan.bends**2
-        )
-        return found
+        D = (state.body.shapedirs - first.shapedirs).reshape(self.body.n_faces * 9, -1)
+        precision = differing(self.body, plan.neighbours)
+        Q = state.body.posedirs - first.posedirs
+        return {
+            "E_S": float(state.scan_costs.sum()),
+            "E_C": gaps / 2 / plan.coupling**2,
+            "E_pose": sum(prior.linearize({"pose": pose}).cost for pose in state.poses),
+            "E_D": float((D * (precision @ D)).sum()) / 2,
+            "E_Q": float((Q**2).sum()) / 2 / plan.bends**2,
+        }
 
-    def _here(self, state: TriangleState, j: int) -> TriangleSurface:
-        one = np.eye(state.body.n_betas)[self.scans.subject[j]]
-        return state.body.arithmetic.evaluate(state.poses[j], one)
+    def _posed(self, state: TriangleState, j: int) -> TriangleSurface:
+        betas = np.eye(state.body.n_betas)[self.scans.subject[j]]
+        return state.body.arithmetic.evaluate(state.poses[j], betas)
 
     def _registered(self, state: TriangleState, execution: Execution) -> TriangleState:
         whole = area(self.body.template, self.body.faces)
         J = len(state.poses)
-        some = [np.arange(i, min(i + JOB_SIZE, J)) for i in range(0, J, JOB_SIZE)]
-        jobs = [(state.body, rows, state.poses[rows], state.vertices[rows]) for rows in some]
-        found: list[tuple[Array, Array, float]] = []
-        for done in execution.executor(partial(_register, self.scans, self.plan, whole), jobs):
-            found += done
-            execution.finished(len(found), J)
-        poses, vertices, costs = zip(*found, strict=True)
+        each = [np.arange(i, min(i + JOB_SIZE, J)) for i in range(0, J, JOB_SIZE)]
+        jobs = [(state.body, rows, state.poses[rows], state.vertices[rows]) for rows in each]
+        work = partial(_register, self.scans, self.plan, whole)
+        registered: list[tuple[Array, Array, float]] = []
+        for some in execution.executor(work, jobs):
+            registered += some
+            execution.finished(len(registered), J)
+        poses, vertices, costs = zip(*registered, strict=True)
         return replace(
             state, poses=np.stack(poses), vertices=np.stack(vertices), scan_costs=np.array(costs)
         )
@@ -279,30 +268,32 @@ class TriangleCoregistration:
     ) -> tuple[Array, Array, Array]:
         """The changes of D of all subjects and Q, of which one is zero, and of registrations."""
         J = len(state.poses)
+        linear = [self._scan(j, V) for j, V in enumerate(state.vertices)]
         scans = [
-            OfScan(V, here.gradient, csc_array(unblocked(here.normal)))
-            for V, here in ((V, self._scan(j, V)) for j, V in enumerate(state.vertices))
+            OfScan(V, on_scan.gradient, csc_array(unblocked(on_scan.normal)))
+            for V, on_scan in zip(state.vertices, linear, strict=True)
         ]
-        here = [self._here(state, j) for j in range(J)]
+        surfaces = [self._posed(state, j) for j in range(J)]
         vertices, D = np.zeros_like(state.vertices), np.zeros_like(state.body.shapedirs)
         Q = np.zeros_like(state.body.posedirs)
 
-        def found(unknown: Unknown, own: Index) -> Array:
-            some, model = [scans[j] for j in own], [_edges_of(state.body, here[j]) for j in own]
-            x, changes = JointStep(unknown, some, model, self.plan.coupling, self.body).found()
-            vertices[own] = np.stack(changes)
-            return x
+        def solved(unknown: Unknown, rows: Index) -> Array:
+            """The change of an unknown; those of the registrations of these rows are kept."""
+            own, model = [scans[j] for j in rows], [model_edges(surfaces[j]) for j in rows]
+            step = JointStep(unknown, own, model, self.plan.coupling, self.body)
+            change, vertices[rows] = step.solve()
+            return change
 
         if block == "persons":
             fitted = np.eye(3)[..., None] + first.shapedirs
             for s in range(state.body.n_betas):
-                own = np.flatnonzero(self.scans.subject == s)
-                at, sigma = [here[j] for j in own], self.plan.neighbours
-                who = PersonDeformations(state.body, at, sigma, fitted[..., s])
-                D[..., s] = found(who, own).reshape(-1, 3, 3)
+                rows = np.flatnonzero(self.scans.subject == s)
+                own, sigma = [surfaces[j] for j in rows], self.plan.neighbours
+                person = PersonDeformations(state.body, own, sigma, fitted[..., s])
+                D[..., s] = solved(person, rows).reshape(-1, 3, 3)
         else:
-            bends = PoseDeformations(state.body, here, self.plan.bends, first.posedirs)
-            Q[:] = found(bends, np.arange(J)).reshape(Q.shape)
+            bends = PoseDeformations(state.body, surfaces, self.plan.bends, first.posedirs)
+            Q[:] = solved(bends, np.arange(J)).reshape(Q.shape)
         return D, Q, vertices
 
     def _moved(
@@ -327,11 +318,6 @@ def bent_as(body: SkinnedBody, fits: Sequence[Fitted], plan: TrianglePlan) -> Tr
     return learned_bends(blend_scape(body), poses, body.vertices(poses), plan.coupling / plan.bends)
 
 
-def _edges_of(body: TriangleBody, at: TriangleSurface) -> Array:
-    """X_f e_fi (2 F, 3) m."""
-    return np.asarray(np.einsum("fab,fib->fia", at.B, at.shaped).reshape(-1, 3))
-
-
 Job = tuple[TriangleBody, Index, Array, Array]
 
 
@@ -340,7 +326,7 @@ def _register(
 ) -> list[tuple[Array, Array, float]]:
     """Pose, vertices and E_S of some scans; no cost is higher afterwards."""
     body, rows, poses, vertices = job
-    found = []
+    registered = []
     pose, betas, _ = body.blocks()
     block = Block(VERTICES, (body.n_vertices, 3), "m")
     model = body.deformed_edges(pose.symbol, betas.symbol)
@@ -350,8 +336,9 @@ def _register(
         scan = plan.term.residual(block.symbol, body.faces, scans.read(row), whole)
         described = (block, pose, betas)
         problem = Problem((scan, coupling, prior), ("pose", VERTICES), blocks=described)
-        one = np.eye(body.n_betas)[scans.subject[row]]
-        values: Values = {"pose": theta, "betas": one, VERTICES: V}
-        values = values | TOGETHER.solve(problem, values, callback=Settled(SETTLED)).values
-        found.append((values["pose"], values[VERTICES], cost_of_scan(scan, values)))
-    return found
+        betas_of_subject = np.eye(body.n_betas)[scans.subject[row]]
+        values: Values = {"pose": theta, "betas": betas_of_subject, VERTICES: V}
+        until = Settled(SETTLED_SHARE)
+        values = values | JOINT_SOLVER.solve(problem, values, callback=until).values
+        registered.append((values["pose"], values[VERTICES], cost_of_scan(scan, values)))
+    return registered

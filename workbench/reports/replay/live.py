@@ -21,7 +21,7 @@ from workbench.reports.replay.runs import as_numbers
 from workbench.solvers import Iterate, Solver
 
 ADDRESS = "127.0.0.1"  # of this machine alone
-PATIENCE = 30.0  # s that a connection may say nothing, or take nothing
+TIMEOUT_SECONDS = 30.0  # s that a connection may say nothing, or take nothing
 LONGEST_NAME = 64  # letters of the name that a page gives to a run
 
 
@@ -84,7 +84,7 @@ class LiveServer:
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.0"  # a connection for each request
-            timeout = PATIENCE
+            timeout = TIMEOUT_SECONDS
 
             def handle(self) -> None:
                 """Answer, unless the tab is closed or says nothing."""
@@ -102,30 +102,30 @@ class LiveServer:
 
     def answer(self, request: BaseHTTPRequestHandler) -> None:
         """Answer one request."""
-        asked = urlsplit(request.path)
-        given = {name: values[-1] for name, values in parse_qs(asked.query).items()}
+        url = urlsplit(request.path)
+        query = {name: values[-1] for name, values in parse_qs(url.query).items()}
         port = self._server.server_address[1]
         own_hosts = (f"{ADDRESS}:{port}", f"localhost:{port}")
         origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
         if host not in own_hosts or origin not in (None, *(f"http://{own}" for own in own_hosts)):
             respond(request, 403, "only pages of this server may ask it")
-        elif asked.path == f"/{self._token}/":
+        elif url.path == f"/{self._token}/":
             respond(request, 200, self._page, "text/html; charset=utf-8")
-        elif asked.path == f"/{self._token}/solve":
-            self._solve(request, given)
-        elif asked.path == f"/{self._token}/stop":
-            stop = self._stops.get(given.get("run", ""))
+        elif url.path == f"/{self._token}/solve":
+            self._solve(request, query)
+        elif url.path == f"/{self._token}/stop":
+            stop = self._stops.get(query.get("run", ""))
             if stop is not None:
                 stop.set()
             respond(request, 200, "stopped" if stop is not None else "nothing of this name runs")
         else:
             respond(request, 404, "there is nothing here; open the address that was printed")
 
-    def _solve(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
+    def _solve(self, request: BaseHTTPRequestHandler, query: Mapping[str, str]) -> None:
         """Send every iterate as an event, and at last how it ended."""
-        name, run = given.get("solver", ""), given.get("run", "")[:LONGEST_NAME]
+        name, run = query.get("solver", ""), query.get("run", "")[:LONGEST_NAME]
         try:
-            start = self.start_of(given.get("start", ""))
+            start = self.start_of(query.get("start", ""))
             if name not in self.solvers or not run or run in self._stops:
                 raise BadArgument(f"no solver {name!r}, or no new name for its run")
         except BadArgument as error:
@@ -138,14 +138,14 @@ class LiveServer:
             request.send_header("Content-Type", "text/event-stream")
             request.send_header("Cache-Control", "no-store")
             request.end_headers()
-            told = 0
+            count = 0
 
             def tell(iterate: Iterate) -> bool:
-                nonlocal told
+                nonlocal count
                 x = self.row(dict(start) | dict(iterate.values))
-                one = {"iterate": told, "x": as_numbers(x), **_numbers(iterate)}
-                told += 1
-                return not sent(request, "iterate", one) or stop.is_set()
+                event = {"iterate": count, "x": as_numbers(x), **_numbers(iterate)}
+                count += 1
+                return not sent(request, "iterate", event) or stop.is_set()
 
             solution = self.solvers[name].solve(self.setup.problem, start, callback=tell)
             status = solution.status.name.lower().replace("_", " ")

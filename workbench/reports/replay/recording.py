@@ -82,7 +82,7 @@ def shown_with_row(
     return None if row is None or shown is None else (shown, row)
 
 
-FARTHEST = 65_534  # hundredths of a millimetre that a distance is stored as; above is none
+LARGEST = 65_534  # hundredths of a millimetre that a distance is stored as; above is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class Series:
             "fps": self.fps,
             "x": _packed(self.rows),
             "surfaces": _packed(self.surfaces),
-            "links": None if self.links is None else [packed(one, "f4") for one in self.links],
+            "links": None if self.links is None else [packed(ends, "f4") for ends in self.links],
             "pixels": None if self.keypoints is None else packed(self.keypoints[0], "f4"),
             "confidence": None if self.keypoints is None else packed(self.keypoints[1], "f4"),
             "scan": None if self.scan is None else packed(self.scan[0], "f4"),
@@ -139,8 +139,8 @@ def _packed(array: Array | None) -> dict[str, str] | None:
 
 def _hundredths(metres: Array) -> Array:
     """Distances as whole hundredths of a millimetre; 65,535 for one that is not finite."""
-    found = np.minimum(np.abs(np.where(np.isfinite(metres), metres, 0.0)) * 1e5, FARTHEST)
-    return np.where(np.isfinite(metres), np.round(found), FARTHEST + 1)
+    hundredths = np.minimum(np.abs(np.where(np.isfinite(metres), metres, 0.0)) * 1e5, LARGEST)
+    return np.where(np.isfinite(metres), np.round(hundredths), LARGEST + 1)
 
 
 VERSION = 2
@@ -176,7 +176,7 @@ def recording(
         "runs": list(runs),
         "directions": list(directions),
         "draws": {"name": name, "by": by, "count": len(drawn), "x": packed(drawn, "f4")},
-        "series": [one.data() for one in series],
+        "series": [states.data() for states in series],
         "landmarks": landmarks,
         "views": list(views),
         "least_confidence": LEAST_CONFIDENCE,
@@ -185,7 +185,7 @@ def recording(
     return Recording(shown.arrays if isinstance(shown, ShownBody) else shown, data, caption)
 
 
-KINDS = {kind: f"<{kind}" for kind in ("f4", "f8", "u2", "u4")}  # as `unpacked` in arrays.js
+DTYPES = {kind: f"<{kind}" for kind in ("f4", "f8", "u2", "u4")}  # as `unpacked` in arrays.js
 
 
 def packed(array: ArrayLike, kind: str) -> dict[str, str]:
@@ -194,7 +194,7 @@ def packed(array: ArrayLike, kind: str) -> dict[str, str]:
     >>> packed([1.0, 2.0], "f4")["kind"]
     'f4'
     """
-    numbers = np.ascontiguousarray(array, dtype=KINDS[kind])
+    numbers = np.ascontiguousarray(array, dtype=DTYPES[kind])
     compressed = gzip.compress(numbers.tobytes(), 9, mtime=0)
     return {"kind": kind, "gzip": b64encode(compressed).decode("ascii")}
 
@@ -260,13 +260,13 @@ def row_of_body(body: Body, problem: Problem, known: Values) -> BodyNumbers | No
     """
 
     def row(values: Values) -> Array:
-        found = arguments_from_values(body, problem.points, dict(known) | dict(values))
-        assert found is not None  # asked below
-        return np.concatenate([np.ravel(one) for one in found])
+        arguments = arguments_from_values(body, problem.points, dict(known) | dict(values))
+        assert arguments is not None  # asked below
+        return np.concatenate([np.ravel(argument) for argument in arguments])
 
-    found = arguments_from_values(body, problem.points, known)
+    arguments = arguments_from_values(body, problem.points, known)
     shapes = tuple(block.shape for block in body.blocks())
-    if found is None or tuple(np.shape(one) for one in found) != shapes:
+    if arguments is None or tuple(np.shape(argument) for argument in arguments) != shapes:
         return None  # among them several frames
     return row
 
@@ -274,7 +274,7 @@ def row_of_body(body: Body, problem: Problem, known: Values) -> BodyNumbers | No
 JOINTS = "joints"  # what `View.landmarks` is called where joints were observed
 
 
-def spread(count: int, most: int) -> Index:
+def spread_evenly(count: int, most: int) -> Index:
     """At most `most` of the numbers from 0 to `count` - 1, evenly spread."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 

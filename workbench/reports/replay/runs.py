@@ -61,13 +61,13 @@ def recorded_run(outcome: Outcome) -> Recording | None:
         alone = None if outcome.data_alone is None else known.problem
         return {
             "runs": tracks(outcome.compared, setup.problem, row, setup.start, alone),
-            "directions": moves(known, row, shown.surface),
+            "directions": moving_directions(known, row, shown.surface),
             "draws": (OF_LAPLACE, GAUSSIAN, gaussian_draws(outcome.diagnosis, row)),
             "series": [*_stages(solution, row), *_ends(solution, row)],
         }
 
-    found = _recording(setup.body, setup.problem, values, OF_RUN, setup.views, parts)
-    return recorded_frames(setup, values) if found is None else found
+    replay = _recording(setup.body, setup.problem, values, OF_RUN, setup.views, parts)
+    return recorded_frames(setup, values) if replay is None else replay
 
 
 def recorded_solution(
@@ -105,7 +105,7 @@ def recorded_diagnosis(
     """
 
     def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any] | None:
-        directions = moves(d, row, shown.surface)
+        directions = moving_directions(d, row, shown.surface)
         return {"directions": directions} if directions else None
 
     return _recording(body, d.problem, d.values, OF_MOVES, views, parts)
@@ -123,7 +123,7 @@ def recorded_posterior(
     `cameras` are the numbers of cameras that the problem does not read, such as held-out ones. None
     if no body is sampled, or one that a page cannot pose.
     """
-    problem, at = posterior.problem, dict(cameras or {}) | dict(posterior.given)
+    problem, values = posterior.problem, dict(cameras or {}) | dict(posterior.given)
 
     def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any]:
         drawn = [row(values) for values in posterior.values(DRAWS)]
@@ -131,13 +131,13 @@ def recorded_posterior(
             return {"draws": (OF_LAPLACE, f"Laplace's approximation of {name}", drawn)}
         return {"draws": (OF_POSTERIOR, f"the posterior of {name}", drawn)}
 
-    return _recording(body, problem, at, OF_DRAWS, views, parts)
+    return _recording(body, problem, values, OF_DRAWS, views, parts)
 
 
 def _recording(
     body: Body | None,
     problem: Problem,
-    at: Values,
+    values: Values,
     caption: str,
     views: Sequence[View],
     parts: Callable[[ShownBody, BodyNumbers], dict[str, Any] | None],
@@ -146,16 +146,16 @@ def _recording(
 
     None where a page cannot pose the body, or the parts are None.
     """
-    found = shown_with_row(body, problem, at)
-    content = None if found is None else parts(*found)
-    if found is None or content is None:
+    posed = shown_with_row(body, problem, values)
+    content = None if posed is None else parts(*posed)
+    if posed is None or content is None:
         return None
-    shown, row = found
+    shown, row = posed
     landmarks = landmarks_of_views(shown.body, views)
-    seen = [view_data(view, at) for view in views] if landmarks["names"] else []
+    seen = [view_data(view, values) for view in views] if landmarks["names"] else []
     said = OF_VIEWS if seen else ""
     return recording(
-        shown, row(at), (caption + said).rstrip(), landmarks=landmarks, views=seen, **content
+        shown, row(values), (caption + said).rstrip(), landmarks=landmarks, views=seen, **content
     )
 
 
@@ -163,18 +163,18 @@ def _stages(solution: Solution, row: BodyNumbers) -> list[Series]:
     """The body where a solve in stages began, and at the end of each stage."""
     if len(solution.stages) < 2:
         return []
-    at = [0, *solution.stages]
+    ends = [0, *solution.stages]
     count = len(solution.stages)
-    said = ["Where the first stage begins."]
+    sentences = ["Where the first stage begins."]
     for k in range(1, count + 1):
-        cost = solution.trace[at[k]].cost
-        steps = at[k] - at[k - 1]
-        said.append(
+        cost = solution.trace[ends[k]].cost
+        steps = ends[k] - ends[k - 1]
+        sentences.append(
             f"The end of stage {k} of {count}, after {steps} iterations, at cost {cost:.4g}."
         )
     labels = ["start", *(f"stage {k}" for k in range(1, count + 1))]
-    rows = _rows(row, [solution.trace[i].values for i in at])
-    return [Series("stages", labels, said, rows=rows, opens=count)]
+    rows = _rows(row, [solution.trace[i].values for i in ends])
+    return [Series("stages", labels, sentences, rows=rows, opens=count)]
 
 
 def _ends(solution: Solution, row: BodyNumbers) -> list[Series]:
@@ -182,13 +182,13 @@ def _ends(solution: Solution, row: BodyNumbers) -> list[Series]:
     ends = solution.hypotheses[:MOST_ENDS]
     if len(ends) < 2:
         return []
-    said = [
-        f"Hypothesis {k + 1} of {len(solution.hypotheses)}, at cost {one.cost:.4g}; "
-        f"{len(one.starts)} of the starts led to it."
-        for k, one in enumerate(ends)
+    sentences = [
+        f"Hypothesis {k + 1} of {len(solution.hypotheses)}, at cost {end.cost:.4g}; "
+        f"{len(end.starts)} of the starts led to it."
+        for k, end in enumerate(ends)
     ]
-    labels = [f"{k + 1}: cost {one.cost:.4g}" for k, one in enumerate(ends)]
-    return [Series("hypotheses", labels, said, rows=_rows(row, [one.values for one in ends]))]
+    labels = [f"{k + 1}: cost {end.cost:.4g}" for k, end in enumerate(ends)]
+    return [Series("hypotheses", labels, sentences, rows=_rows(row, [end.values for end in ends]))]
 
 
 def _rows(row: BodyNumbers, each: Sequence[Values]) -> Array:
@@ -196,13 +196,13 @@ def _rows(row: BodyNumbers, each: Sequence[Values]) -> Array:
 
 
 MOST_ITERATES = 64  # of a solver that are kept
-LARGEST = 500  # unknowns, up to which the condition number is computed at every kept iterate
+MOST_UNKNOWNS = 500  # unknowns, up to which the condition number is computed at every kept iterate
 
 
-def kept(count: int, most: int = MOST_ITERATES) -> Index:
+def kept_iterates(count: int, most: int = MOST_ITERATES) -> Index:
     """Which of `count` iterates are kept: the first and the last, and more at the beginning.
 
-    >>> kept(3).tolist(), kept(1000, 5).tolist()
+    >>> kept_iterates(3).tolist(), kept_iterates(1000, 5).tolist()
     ([0, 1, 2], [0, 5, 31, 177, 999])
     """
     if count <= most:
@@ -222,7 +222,7 @@ def tracks(
     `data` is the same problem without its priors: what the data alone determine at each iterate.
     """
     with limited_threads():
-        return [_track(name, one, problem, row, start, data) for name, one in solutions.items()]
+        return [_track(name, s, problem, row, start, data) for name, s in solutions.items()]
 
 
 def _track(
@@ -233,62 +233,63 @@ def _track(
     start: Mapping[str, Any],
     data: Problem | None,
 ) -> dict[str, Any]:
-    at = kept(len(solution.trace))
-    iterates = [solution.trace[i] for i in at]
+    kept_rows = kept_iterates(len(solution.trace))
+    iterates = [solution.trace[i] for i in kept_rows]
     ranks = [] if data is None else _ranks(data, iterates, start)
     return {
         "name": name,
         "status": solution.status.name.lower().replace("_", " "),
         "iterations": solution.iterations,
-        "iterates": at.tolist(),
-        "x": packed([row(one.values) for one in iterates], "f4"),
-        "cost": [float(f"{one.cost:.12g}") for one in iterates],
-        "optimality": as_numbers([one.optimality for one in iterates]),
-        "damping": as_numbers([one.damping for one in iterates]),
+        "iterates": kept_rows.tolist(),
+        "x": packed([row(iterate.values) for iterate in iterates], "f4"),
+        "cost": [float(f"{iterate.cost:.12g}") for iterate in iterates],
+        "optimality": as_numbers([iterate.optimality for iterate in iterates]),
+        "damping": as_numbers([iterate.damping for iterate in iterates]),
         "condition": as_numbers(list(_conditions(problem, iterates, start))),
         "rank": as_numbers(ranks),
         "unknowns": problem.free.size,
-        "seconds": as_numbers([one.seconds for one in iterates]),
-        "evaluations": [one.evaluations.total for one in iterates],
+        "seconds": as_numbers([iterate.seconds for iterate in iterates]),
+        "evaluations": [iterate.evaluations.total for iterate in iterates],
     }
 
 
 def _conditions(
     problem: Problem, iterates: Iterable[Iterate], start: Mapping[str, Any]
 ) -> Iterable[float]:
-    for one in iterates:
-        if problem.free.size > LARGEST:
+    for iterate in iterates:
+        if problem.free.size > MOST_UNKNOWNS:
             yield float("nan")
         else:
-            s = np.linalg.svd(problem.linearize(dict(start) | one.values).dense, compute_uv=False)
+            J = problem.linearize(dict(start) | iterate.values).dense
+            s = np.linalg.svd(J, compute_uv=False)
             yield float(s[0] / s[-1]) if s.size and s[-1] > 0 else float("nan")
 
 
 def _ranks(data: Problem, iterates: Iterable[Iterate], start: Mapping[str, Any]) -> list[float]:
     """How many directions the data alone see at each iterate; NaN where they cannot be asked."""
-    if data.free.size > LARGEST:
+    if data.free.size > MOST_UNKNOWNS:
         return []
-    found = []
-    for one in iterates:
-        here = data.linearize(dict(start) | one.values)
+    ranks = []
+    for iterate in iterates:
+        here = data.linearize(dict(start) | iterate.values)
         finite = np.isfinite(here.dense).all()
-        found.append(float(here.rank) if finite else float("nan"))
-    return found
+        ranks.append(float(here.rank) if finite else float("nan"))
+    return ranks
 
 
 def as_numbers(array: ArrayLike) -> Any:
     """An array as nested lists of nine digits each, with null where there is no number."""
     numbers = np.asarray(array, dtype=float)
     if numbers.ndim:
-        return [as_numbers(one) for one in numbers]
+        return [as_numbers(row) for row in numbers]
     return float(f"{numbers:.9g}") if np.isfinite(numbers) else None
 
 
 MOST_DIRECTIONS = 40
-UNSEEN = 0.5  # units along a direction that nothing holds
-FARTHEST = 1.0  # units: two sigmas may be far out of the linear world
-STEPS = 21  # at which the true change of the data is computed, from one end to the other
-LEAST = 1e-3  # m: a direction that moves no point of the body by this much is not shown
+UNSEEN_REACH = 0.5  # units along a direction that nothing holds
+LONGEST_REACH = 1.0  # units: two sigmas may lie far outside of the linear range
+EXACT_POINTS = 21  # at which the true change of the data is computed, from one end to the other
+LEAST_MOTION = 1e-3  # m: a direction that moves no point of the body by this much is not shown
 DRAWS = 40
 
 Surface = Callable[[Array], Array]
@@ -300,45 +301,46 @@ def reach_along(direction: Direction, tolerance: float) -> float:
     A direction whose change is at most the `tolerance` is not seen, and has no standard deviation.
     """
     if direction.change <= tolerance:
-        return UNSEEN
-    return min(2 / direction.change, FARTHEST)
+        return UNSEEN_REACH
+    return min(2 / direction.change, LONGEST_REACH)
 
 
-def moves(diagnosis: Diagnosis, row: BodyNumbers, surface: Surface) -> list[dict[str, Any]]:
+def moving_directions(
+    diagnosis: Diagnosis, row: BodyNumbers, surface: Surface
+) -> list[dict[str, Any]]:
     """Null and weak directions of a diagnosis that move the body, the unseen ones first.
 
     `surface` takes the body's numbers to its vertices (N, 3) m.
     """
-    unseen = ((one, "not seen by the data") for one in diagnosis.null_directions)
-    weak = ((one, "hardly seen by the data") for one in diagnosis.weak_directions)
-    return list(_moves(diagnosis, row, surface, (*unseen, *weak)))
-
-
-def _moves(
-    d: Diagnosis, row: BodyNumbers, surface: Surface, directions: Iterable[tuple[Direction, str]]
-) -> Iterable[dict[str, Any]]:
+    d = diagnosis
+    moving: list[dict[str, Any]] = []
     x, fixed = d.problem.split(d.values)
     residual, known = d.problem.residual(x, fixed), row(d.values)
-    here, found = surface(known), 0
-    for one, kind in directions:
-        step = row(d.free.unpack(x + one.vector, d.values)) - known
-        reach = reach_along(one, d.tolerance)
+    here = surface(known)
+    for k, direction in enumerate((*d.null_directions, *d.weak_directions)):
+        if len(moving) == MOST_DIRECTIONS:
+            break
+        step = row(d.free.unpack(x + direction.vector, d.values)) - known
+        reach = reach_along(direction, d.tolerance)
         away = np.linalg.norm(surface(known + reach * step) - here, axis=1).max()
-        if found == MOST_DIRECTIONS or away < LEAST:
+        if away < LEAST_MOTION:
             continue
-        found += 1
         exact = [
-            float(np.linalg.norm(d.problem.residual(x + s * one.vector, fixed) - residual))
-            for s in reach * np.linspace(-1, 1, STEPS)
+            float(np.linalg.norm(d.problem.residual(x + s * direction.vector, fixed) - residual))
+            for s in reach * np.linspace(-1, 1, EXACT_POINTS)
         ]
-        yield {
-            "name": one.name,
-            "kind": kind,
-            "change": float(f"{one.change:.3g}"),
-            "reach": reach,
-            "step": packed(step, "f8"),
-            "exact": [float(f"{number:.4g}") for number in exact],
-        }
+        unseen = k < len(d.null_directions)
+        moving.append(
+            {
+                "name": direction.name,
+                "kind": "not seen by the data" if unseen else "hardly seen by the data",
+                "change": float(f"{direction.change:.3g}"),
+                "reach": reach,
+                "step": packed(step, "f8"),
+                "exact": [float(f"{number:.4g}") for number in exact],
+            }
+        )
+    return moving
 
 
 def gaussian_draws(
@@ -352,4 +354,4 @@ def gaussian_draws(
     variances, axes = np.linalg.eigh(d.here.covariance)
     root = axes * np.sqrt(np.maximum(variances, 0.0))  # by rounding, some may be below zero
     z = np.random.default_rng(seed).standard_normal((count, len(x)))
-    return [row(d.free.unpack(x + root @ one, d.values)) for one in z]
+    return [row(d.free.unpack(x + root @ draw, d.values)) for draw in z]

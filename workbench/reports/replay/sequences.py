@@ -20,7 +20,7 @@ from workbench.reports.replay.recording import (
     packed,
     recording,
     shown_body,
-    spread,
+    spread_evenly,
     view_data,
 )
 
@@ -42,7 +42,7 @@ def recorded_frames(setup: Setup, values: Values) -> Recording | None:
     shown = None if rows is None else shown_body(body)
     if rows is None or shown is None:
         return None
-    some = spread(len(rows), MOST_FRAMES)
+    some = spread_evenly(len(rows), MOST_FRAMES)
     views = () if setup.moving is None else setup.moving.views
     landmarks = landmarks_of_views(shown.body, views)
     lenses = [v.camera.focal.name for v in views]  # a camera is the same in all frames
@@ -73,7 +73,7 @@ def recorded_motion(motion: Motion, body: Body, betas: Array | None = None) -> R
     T = len(here)
     each = np.broadcast_to(here.betas_on(body) if betas is None else betas, (T, body.n_betas))
     rows = np.hstack([here.pose.reshape(T, -1), each, here.trans])
-    some = spread(T, MOST_FRAMES)
+    some = spread_evenly(T, MOST_FRAMES)
     return recording(shown, rows[0], _caption(len(some), T), series=[_series(rows, some, here.fps)])
 
 
@@ -83,11 +83,11 @@ def moving_body(setup: Setup) -> SkinnedBody | None:
     if named is not None:
         return named if isinstance(named, SkinnedBody) else None
     for residual in setup.problem.residuals:
-        for _, one in residual.by_frame:
-            for points in one.points:
-                at = getattr(points.source, "arguments", None)
-                if isinstance(at, Arguments) and isinstance(at.body, SkinnedBody):
-                    return at.body
+        for _, term in residual.by_frame:
+            for points in term.points:
+                arguments = getattr(points.source, "arguments", None)
+                if isinstance(arguments, Arguments) and isinstance(arguments.body, SkinnedBody):
+                    return arguments.body
     return None
 
 
@@ -125,7 +125,7 @@ def _caption(shown: int, count: int) -> str:
     return OF_FRAMES if shown == count else OF_SOME.format(shown=shown, count=count)
 
 
-MOST_POINTS, LINKS = 6_000, 400  # points of the scan: shown, and joined to the surface
+MOST_POINTS, MOST_LINKS = 6_000, 400  # points of the scan: shown, and joined to the surface
 MM = 1e3
 OF_REGISTRATION = (
     "The points of the scan, and the surface on its way to them: the start that led to the result, "
@@ -136,42 +136,42 @@ OF_REGISTRATION = (
 )
 
 
-def recorded_registration(found: Registration) -> Recording | None:
+def recorded_registration(registration: Registration) -> Recording | None:
     """The surface at the start, at the end of each stage and at last, with points of the scan.
 
     Distances are signed in a `Registration`, and are shown without their sign. None for a
     registration that was made without `surfaces`.
     """
-    if not found.surfaces:
+    if not registration.surfaces:
         return None
     rng = np.random.default_rng(0)
-    scan = found.scan.some(rng.permutation(found.scan.n_points) < MOST_POINTS)
-    joined = spread(scan.n_points, LINKS)
-    tree = SurfaceTree(found.vertices, found.faces)
-    far, ends, said = [], [], []
-    for name, vertices in found.surfaces.items():
-        at = tree.moved(vertices).closest(scan.points, 10 * NEAR, scan.normals, FACING)
-        there = at.faces >= 0
-        distances = np.where(there, np.abs(at.distances), np.inf)
-        far.append(distances)
-        ends.append(np.where(there[joined, None], at.points[joined], np.nan))
-        said.append(_said(name, distances, found.reach))
-    surfaces = np.array(list(found.surfaces.values()))
+    scan = registration.scan.some(rng.permutation(registration.scan.n_points) < MOST_POINTS)
+    joined = spread_evenly(scan.n_points, MOST_LINKS)
+    tree = SurfaceTree(registration.vertices, registration.faces)
+    distances, ends, said = [], [], []
+    for name, vertices in registration.surfaces.items():
+        closest = tree.moved(vertices).closest(scan.points, 10 * NEAR, scan.normals, FACING)
+        touching = closest.faces >= 0
+        unsigned = np.where(touching, np.abs(closest.distances), np.inf)
+        distances.append(unsigned)
+        ends.append(np.where(touching[joined, None], closest.points[joined], np.nan))
+        said.append(_distance_sentence(name, unsigned, registration.reach))
+    surfaces = np.array(list(registration.surfaces.values()))
     series = Series(
         "stages",
-        list(found.surfaces),
+        list(registration.surfaces),
         said,
         surfaces=surfaces,
         opens=len(surfaces) - 1,
         links=(np.array(ends), np.tile(scan.points[joined], (len(ends), 1, 1))),
-        scan=(scan.points, np.array(far)),
-        contact=found.reach,
-        scale=_scale(far[-1], found.reach),
-        hidden=(~found.seen).astype(float),
+        scan=(scan.points, np.array(distances)),
+        contact=registration.reach,
+        scale=_scale(distances[-1], registration.reach),
+        hidden=(~registration.seen).astype(float),
     )
-    turn = found.facing
+    turn = registration.facing
     return recording(
-        {"faces": packed(found.faces, "u4")},
+        {"faces": packed(registration.faces, "u4")},
         None,
         OF_REGISTRATION.rstrip(),
         front=(float(np.sin(turn)), 0.0, float(np.cos(turn))),
@@ -185,7 +185,7 @@ def _scale(distances: Array, reach: float) -> float:
     return float(np.ceil(MM * np.percentile(near, 98)) / MM) if len(near) else reach
 
 
-def _said(name: str, distances: Array, reach: float) -> str:
+def _distance_sentence(name: str, distances: Array, reach: float) -> str:
     """A sentence on one surface."""
     near = distances < reach
     begun = f"{name[0].upper()}{name[1:]}: "

@@ -40,17 +40,18 @@ from workbench.geometry.rotation import matrix_from_vector, nearest_rotation
 from workbench.training.registrations import rows_of_jobs
 from workbench.training.shares import MOST_WEIGHTS, few_shares
 
-AT_ONCE = 64  # frames in memory at once
-STACKED = 16  # frames whose products by weights are one matrix
-ALONE = 30  # rounds of bones that begin from their weights alone
+FRAMES_AT_ONCE = 64  # frames in memory at once
+FRAMES_STACKED = 16  # frames whose products by weights are one matrix
+ROUNDS_ALONE = 30  # rounds of bones that begin from their weights alone
 LIGHTEST = 1e-9  # the sum of squared weights of a bone that is not moved
-RELAXED = 5  # weights of a vertex on the way
-STEPS, FLAT = 16, 3  # at most; so many in a row that gain little are the last
-DAMPING, LEAST, MOST = 1e-2, 1e-8, 10.0  # shares of the diagonal: the first, and its bounds
+RELAXED_WEIGHTS = 5  # of a vertex, on the way
+MOST_STEPS, MOST_FLAT = 16, 3  # at most; so many in a row that gain little are the last
+DAMPING = 1e-2  # of the diagonal, at first
+LEAST_DAMPING, MOST_DAMPING = 1e-8, 10.0  # its bounds
 EASED, RAISED = 0.2, 8.0  # factors on the damping after a step that lowers the cost, or does not
-GAIN = 0.02  # of the rms: a step that lowers it by a smaller share gains little
-ENOUGH = 1e-9  # m, rms
-FLOOR = 1e-10  # of the largest entry of a diagonal: keeps what nothing determines where it is
+LITTLE_GAIN = 0.02  # of the rms: a step that lowers it by a smaller share gains little
+ENOUGH_RMS = 1e-9  # m, rms
+DIAGONAL_FLOOR = 1e-10  # of its largest entry: keeps what nothing determines where it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,11 +84,11 @@ class RigidBones:
 
     def errors(self, rest: Array, meshes: Array) -> Array:
         """The sum over frames of the squared distance of each vertex, (N,) in m^2."""
-        found = np.zeros(len(rest))
+        squares = np.zeros(len(rest))
         for some in frames(meshes):
             points = np.einsum("nk,tkna->tna", self.weights, self.moved(rest, some), optimize=True)
-            found += np.sum((meshes[some] - points) ** 2, axis=(0, 2))
-        return found
+            squares += np.sum((meshes[some] - points) ** 2, axis=(0, 2))
+        return squares
 
     def rms(self, rest: Array, meshes: Array) -> float:
         """The root mean square distance of the vertices, in metres."""
@@ -111,7 +112,7 @@ class RigidBones:
 
 def frames(meshes: Array) -> Iterator[slice]:
     """The frames of meshes (T, N, 3), a few at a time."""
-    yield from rows_of_jobs(len(meshes), AT_ONCE)
+    yield from rows_of_jobs(len(meshes), FRAMES_AT_ONCE)
 
 
 def rigid_motions(rest: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
@@ -158,7 +159,7 @@ def bones_of_weights(weights: Array, rest: Array, meshes: Array) -> RigidBones:
     targets = meshes.swapaxes(0, 1)
     each = [rigid_motions(rest, w[:, None, None] * targets, w) for w in weights.T]
     R, t = (np.stack(part, axis=1) for part in zip(*each, strict=True))
-    return fit_bones(RigidBones(R, t, weights), rest, meshes, ALONE)
+    return fit_bones(RigidBones(R, t, weights), rest, meshes, ROUNDS_ALONE)
 
 
 def _share(rest: Array, weights: Array, R: Array, t: Array) -> Array:
@@ -175,10 +176,10 @@ def fit_bone_weights(
     (N, K), T = bones.weights.shape, len(meshes)
     grams = np.zeros((N, K, K))
     for some in frames(meshes):
-        each = bones.moved(rest, some).transpose(2, 1, 0, 3).reshape(N, K, -1)
-        there = meshes[some].transpose(1, 0, 2).reshape(N, -1, 1)
-        away = each - there.swapaxes(1, 2)  # about the vertex: the products keep their digits
-        grams += away @ away.swapaxes(1, 2)
+        moved = bones.moved(rest, some).transpose(2, 1, 0, 3).reshape(N, K, -1)
+        targets = meshes[some].transpose(1, 0, 2).reshape(N, -1, 1)
+        offsets = moved - targets.swapaxes(1, 2)  # about the vertex: the products keep their digits
+        grams += offsets @ offsets.swapaxes(1, 2)
     weights, _ = few_shares(grams / T, np.zeros((N, K)), bones.weights, most)
     return replace(bones, weights=weights)
 
@@ -191,14 +192,14 @@ def alternate_once(
 
 
 def refined_at_once(
-    bones: RigidBones, rest: Array, meshes: Array, enough: float = ENOUGH
+    bones: RigidBones, rest: Array, meshes: Array, enough: float = ENOUGH_RMS
 ) -> RigidBones:
     """Steps with more weights than a vertex may have, and then with as many; not worse.
 
     A vertex that has four weights of the wrong bones would hold them where they are. An rms of
     `enough` (m) is not lowered further.
     """
-    many = joint_steps(bones, rest, meshes, RELAXED, enough)
+    many = joint_steps(bones, rest, meshes, RELAXED_WEIGHTS, enough)
     fewer = joint_steps(_cut(many), rest, meshes, enough=enough)
     if fewer.rms(rest, meshes) < bones.rms(rest, meshes):
         return fewer
@@ -219,19 +220,19 @@ def joint_steps(
     rest: Array,
     meshes: Array,
     most: int = MOST_WEIGHTS,
-    enough: float = ENOUGH,
+    enough: float = ENOUGH_RMS,
 ) -> RigidBones:
     """Steps in bones and weights at once, `most` weights a vertex; none of them raises the cost."""
     rms, damping, flat = bones.rms(rest, meshes), DAMPING, 0
-    for _ in range(STEPS):
+    for _ in range(MOST_STEPS):
         tried = alternate_once(_step(bones, rest, meshes, damping), rest, meshes, most)
         before, after = rms, tried.rms(rest, meshes)
         if after < rms:
-            bones, rms, damping = tried, after, max(EASED * damping, LEAST)
-            flat = flat + 1 if rms > (1 - GAIN) * before else 0
-            if rms < enough or flat == FLAT:
+            bones, rms, damping = tried, after, max(EASED * damping, LEAST_DAMPING)
+            flat = flat + 1 if rms > (1 - LITTLE_GAIN) * before else 0
+            if rms < enough or flat == MOST_FLAT:
                 break
-        elif (damping := RAISED * damping) > MOST:
+        elif (damping := RAISED * damping) > MOST_DAMPING:
             break
     return bones
 
@@ -302,21 +303,21 @@ class _Frame:
 
 def _step(bones: RigidBones, rest: Array, meshes: Array, damping: float) -> RigidBones:
     unknowns = _Unknowns.of(bones, rest)
-    change, factors = _change_of_weights(bones, unknowns, rest, meshes, damping)
+    weight_change, factors = _change_of_weights(bones, unknowns, rest, meshes, damping)
     vertex = unknowns.vertex
     R, t = bones.rotations.copy(), bones.translations.copy()
     for frame, L in enumerate(factors):
-        one = _Frame.of(bones, unknowns, rest, meshes[frame], frame)
-        c = one.c.copy()
-        np.add.at(c, vertex, change[:, None] * one.A)
-        steps = -cho_solve((L, True), one.J.T @ c.ravel()).reshape(-1, 6)
+        linear = _Frame.of(bones, unknowns, rest, meshes[frame], frame)
+        c = linear.c.copy()
+        np.add.at(c, vertex, weight_change[:, None] * linear.A)
+        steps = -cho_solve((L, True), linear.J.T @ c.ravel()).reshape(-1, 6)
         turn = matrix_from_vector(steps[:, :3])
         middles = np.einsum("kab,kb->ka", R[frame], unknowns.middles)
         t[frame] += middles - np.einsum("kab,kb->ka", turn, middles) + steps[:, 3:]
         R[frame] = turn @ R[frame]
     weights = bones.weights.copy()
-    weights[vertex, unknowns.bone] += change
-    np.subtract.at(weights, (vertex, unknowns.first[vertex]), change)
+    weights[vertex, unknowns.bone] += weight_change
+    np.subtract.at(weights, (vertex, unknowns.first[vertex]), weight_change)
     weights = weights.clip(0)
     return RigidBones(R, t, weights / weights.sum(axis=1, keepdims=True))
 
@@ -330,17 +331,17 @@ def _change_of_weights(
     pairs = np.nonzero(vertex[:, None] == vertex)  # unknowns of the same vertex
     products = np.zeros(len(pairs[0]))
     factors: list[Array] = []
-    for some in rows_of_jobs(len(meshes), STACKED):
+    for some in rows_of_jobs(len(meshes), FRAMES_STACKED):
         stacked = []  # one product of many rows is several times faster than one for each frame
         for frame in range(some.start, some.stop):
-            one = _Frame.of(bones, unknowns, rest, meshes[frame], frame)
-            H = one.J.T @ one.J
+            linear = _Frame.of(bones, unknowns, rest, meshes[frame], frame)
+            H = linear.J.T @ linear.J
             _raise_diagonal(H, damping, H.diagonal())
             L: Array = np.asarray(np.linalg.cholesky(H), dtype=float)
-            stacked.append(solve_triangular(L, one.by_bones(vertex), lower=True))
-            moved = solve_triangular(L, one.J.T @ one.c.ravel(), lower=True)
-            pull += np.sum(one.A * one.c[vertex], axis=1) - stacked[-1].T @ moved
-            products += np.sum(one.A[pairs[0]] * one.A[pairs[1]], axis=1)
+            stacked.append(solve_triangular(L, linear.by_bones(vertex), lower=True))
+            moved = solve_triangular(L, linear.J.T @ linear.c.ravel(), lower=True)
+            pull += np.sum(linear.A * linear.c[vertex], axis=1) - stacked[-1].T @ moved
+            products += np.sum(linear.A[pairs[0]] * linear.A[pairs[1]], axis=1)
             factors.append(L)
         X = np.concatenate(stacked)
         normal -= X.T @ X
@@ -352,4 +353,4 @@ def _change_of_weights(
 
 
 def _raise_diagonal(matrix: Array, damping: float, sizes: Array) -> None:
-    matrix[np.diag_indices(len(matrix))] += damping * sizes + FLOOR * sizes.max()
+    matrix[np.diag_indices(len(matrix))] += damping * sizes + DIAGONAL_FLOOR * sizes.max()

@@ -26,17 +26,19 @@ from workbench.training.rigging.bones import (
 )
 from workbench.training.rigging.steps import RigSteps
 
-PATCH = 8  # vertices whose motion a new bone begins with
-FEWEST = 3  # vertices of a cluster: two do not determine a rotation
+PATCH_SIZE = 8  # vertices whose motion a new bone begins with
+FEWEST_IN_CLUSTER = 3  # vertices of a cluster: two do not determine a rotation
 TURNS = 4  # of Lloyd's algorithm, and of the alternation, between two new bones
-WORST = 0.5  # of the largest error: clusters that have more are divided at once
-CLIFF, STEEP = 1e-13, 100.0  # of the largest eigenvalue: rounding; a ratio that no noise has
-SPARE = 5  # one bone in so many is made in addition, and given up again
-CYCLES, BETTER = 5, 0.9  # of making and giving up; a cycle that lowers the rms less is the last
-SWAPS = 6  # exchanges of a bone at most; one that lowers the rms less than that is the last
-AT_BEST, ROUNDED = 2.0, 1e-8  # factor on the least rms that bones can leave; m, of meshes in use
-NOISY = 0.85  # of the sigma of noise by its sum: the least by its median; motion spreads wider
-MOST = 64  # bones that are looked for without being asked for
+DIVIDED = 0.5  # of the largest error: clusters that have more are divided at once
+CLIFF = 1e-13  # of the largest eigenvalue: smaller ones are rounding
+STEEPEST_NOISE = 100.0  # a ratio of neighbouring eigenvalues that no noise has
+ONE_SPARE_IN = 5  # one bone in so many is made in addition, and given up again
+CYCLES, SWAPS = 5, 6  # of making and giving up bones, and exchanges of a bone, at most
+STALLED = 0.9  # times the rms before: a cycle or an exchange that ends above it is the last
+ABOVE_LEAST = 2.0  # times the least rms that bones can leave: below, nothing is gained
+ROUNDING_RMS = 1e-8  # m, of meshes in use
+LEAST_SPREAD = 0.85  # of noise: its sigma by the median over that by the sum; motion has less
+MOST_BONES = 64  # bones that are looked for without being asked for
 
 
 def bones_needed(meshes: Array, tolerance: float) -> int:
@@ -52,14 +54,14 @@ def bones_needed(meshes: Array, tolerance: float) -> int:
     sizes = _squares(meshes)
     rank = int(np.count_nonzero(np.sqrt(np.cumsum(sizes)) > tolerance))
     above = int(np.count_nonzero(sizes > CLIFF * sizes[-1]))
-    if above < len(sizes) and sizes[-above] > STEEP * sizes[-above - 1]:
+    if above < len(sizes) and sizes[-above] > STEEPEST_NOISE * sizes[-above - 1]:
         rank = max(rank, above)
     count = max(1, ceil((rank - 1) / 3))
-    if count > MOST:
+    if count > MOST_BONES:
         raise BadArgument(
             f"the meshes need {count} bones or more to be explained to within {1e3 * tolerance:g} "
-            f"mm, and at most {MOST} are looked for; say how many there are to be, or allow a "
-            "larger error"
+            f"mm, and at most {MOST_BONES} are looked for; say how many there are to be, or allow "
+            "a larger error"
         )
     return count
 
@@ -80,7 +82,7 @@ def noise_of(meshes: Array) -> float | None:
     k, m, others = k - rank, m - rank, sizes[: k - rank]
     from_sum = others.sum() / (k * m)
     from_median = np.median(others) / (m * _median_of_noise(k / m))
-    return float(np.sqrt(from_sum)) if from_median > NOISY**2 * from_sum else None
+    return float(np.sqrt(from_sum)) if from_median > LEAST_SPREAD**2 * from_sum else None
 
 
 def _median_of_noise(b: float) -> float:
@@ -120,9 +122,9 @@ def rigid_clusters(rest: Array, meshes: Array, count: int) -> RigidBones:
         before = len(motions)
         total = np.bincount(own, weights=errors, minlength=before)
         for c in np.argsort(-total)[: count - before]:
-            if total[c] >= WORST * total.max() and total[c] > 0:
+            if total[c] >= DIVIDED * total.max() and total[c] > 0:
                 members = np.flatnonzero(own == c)
-                motions.append(_of_patch(rest, meshes, near[members[errors[members].argmax()]]))
+                motions.append(_patch_motion(rest, meshes, near[members[errors[members].argmax()]]))
         own, errors = _lloyd(rest, meshes, motions)
         if len(motions) <= before:
             break
@@ -144,7 +146,7 @@ def decompose(rest: Array, meshes: Array, count: int, steps: RigSteps) -> RigidB
     few more bones are made, and those are given up that others can best stand for.
     """
     bones = alternated(rigid_clusters(rest, meshes, count), rest, meshes)
-    spare = max(1, count // SPARE)
+    spare = max(1, count // ONE_SPARE_IN)
     best, lowest = bones, inf
     for cycle in range(CYCLES):
         while bones.count < count + spare:
@@ -155,7 +157,7 @@ def decompose(rest: Array, meshes: Array, count: int, steps: RigSteps) -> RigidB
         before, rms = lowest, bones.rms(rest, meshes)
         if rms < lowest:
             best, lowest = bones, rms
-        if rms > BETTER * before:
+        if rms > STALLED * before:
             break
     steps.report("bones and weights at once", 0, 1)
     return exchanged(best, rest, meshes, steps)
@@ -172,7 +174,7 @@ def exchanged(bones: RigidBones, rest: Array, meshes: Array, steps: RigSteps) ->
 
     Nothing is gained below twice the least rms, which is noise or rounding of the meshes.
     """
-    enough = max(AT_BEST * least_rms(meshes, bones.count), ROUNDED)
+    enough = max(ABOVE_LEAST * least_rms(meshes, bones.count), ROUNDING_RMS)
 
     def refined(start: RigidBones) -> RigidBones:
         return refined_at_once(start, rest, meshes, enough)
@@ -189,7 +191,7 @@ def exchanged(bones: RigidBones, rest: Array, meshes: Array, steps: RigSteps) ->
         before, rms = lowest, tried.rms(rest, meshes)
         if rms < lowest:
             bones, lowest = tried, rms
-        if rms > BETTER * before:
+        if rms > STALLED * before:
             break
     return bones
 
@@ -197,7 +199,7 @@ def exchanged(bones: RigidBones, rest: Array, meshes: Array, steps: RigSteps) ->
 def with_worst(bones: RigidBones, rest: Array, meshes: Array) -> RigidBones:
     """One bone more, which begins as the motion of the patch with the largest error."""
     near, errors = patches(rest), bones.errors(rest, meshes)
-    return bones.with_bone(*_of_patch(rest, meshes, near[errors[near].sum(axis=1).argmax()]))
+    return bones.with_bone(*_patch_motion(rest, meshes, near[errors[near].sum(axis=1).argmax()]))
 
 
 def without_least(bones: RigidBones, rest: Array) -> RigidBones:
@@ -236,25 +238,25 @@ def merged_where_alike(bones: RigidBones, rest: Array, tolerance: float) -> Rigi
 def differences(bones: RigidBones, rest: Array) -> Array:
     """How far the surface of bone a would be if bone b moved it, (K, K) in m, rms."""
     K, T = bones.count, len(bones.rotations)
-    found = np.zeros((K, K))
+    squares = np.zeros((K, K))
     shares = bones.weights**2
     shares = shares / np.maximum(shares.sum(axis=0), 1e-300)
     for some in frames(bones.rotations):
-        each = bones.moved(rest, some)
+        moved = bones.moved(rest, some)
         for a in range(K):
             own = np.flatnonzero(shares[:, a])
-            gap = ((each[:, :, own] - each[:, [a]][:, :, own]) ** 2).sum(axis=(0, 3))
-            found[a] += gap @ shares[own, a]
-    return np.sqrt(found / T)
+            gap = ((moved[:, :, own] - moved[:, [a]][:, :, own]) ** 2).sum(axis=(0, 3))
+            squares[a] += gap @ shares[own, a]
+    return np.sqrt(squares / T)
 
 
 def patches(rest: Array) -> Index:
     """The numbers of each vertex and of those nearest to it at rest, (N, 8) or fewer."""
-    _, near = cKDTree(rest).query(rest, min(PATCH, len(rest)))
+    _, near = cKDTree(rest).query(rest, min(PATCH_SIZE, len(rest)))
     return np.asarray(near, dtype=np.int64)
 
 
-def _of_patch(rest: Array, meshes: Array, patch: Index) -> tuple[Array, Array]:
+def _patch_motion(rest: Array, meshes: Array, patch: Index) -> tuple[Array, Array]:
     return rigid_motions(rest[patch], meshes[:, patch].swapaxes(0, 1), np.ones(len(patch)))
 
 
@@ -262,12 +264,12 @@ def _lloyd(rest: Array, meshes: Array, motions: list[tuple[Array, Array]]) -> tu
     """Changes the motions; the cluster (N,) of each vertex, and its squared error (N,)."""
     for _ in range(TURNS):
         own = _errors(rest, meshes, motions).argmin(axis=1)
-        large = np.flatnonzero(np.bincount(own, minlength=len(motions)) >= FEWEST)
+        large = np.flatnonzero(np.bincount(own, minlength=len(motions)) >= FEWEST_IN_CLUSTER)
         if len(large) < len(motions):
             motions[:] = [motions[c] for c in large]
             own = _errors(rest, meshes, motions).argmin(axis=1)
         for c in np.unique(own):
-            motions[c] = _of_patch(rest, meshes, np.flatnonzero(own == c))
+            motions[c] = _patch_motion(rest, meshes, np.flatnonzero(own == c))
     errors = _errors(rest, meshes, motions)
     return errors.argmin(axis=1), errors.min(axis=1)
 

@@ -24,12 +24,12 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from workbench.arrays import Array, Index
 from workbench.training.rigging.bones import RigidBones
 
-NEAR = 1e-6  # of A'A's unit: how much the middle of the common surface counts
-APART = 3.0  # factor on the gap of two bones that share no surface
+MIDDLE_PRECISION = 1e-6  # of A'A's unit: how much the middle of the common surface counts
+APART_FACTOR = 3.0  # factor on the gap of two bones that share no surface
 ROUNDING = 1e-7  # m: coordinates of meshes are of single precision
-SLIDE = 0.01  # m: a joint that errors let slide farther is not determined
-CERTAIN = 2.0  # factor on the rms that any bones leave: a body that leaves more is doubted
-STILL = 0.05  # rad, rms: bones that turn less against each other hardly turn
+LARGEST_SLIDE = 0.01  # m: a joint that errors let slide farther is not determined
+CERTAIN_FACTOR = 2.0  # factor on the rms that any bones leave: a body that leaves more is doubted
+LEAST_TURN = 0.05  # rad, rms: bones that turn less against each other hardly turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class JointCandidate:
     @property
     def free(self) -> Array:
         """The directions (n, 3) along which the joint is not determined to within 1 cm."""
-        return np.asarray(self.directions[self.slides > SLIDE])
+        return np.asarray(self.directions[self.slides > LARGEST_SLIDE])
 
 
 def candidate(bones: RigidBones, rest: Array, a: int, b: int) -> JointCandidate:
@@ -74,15 +74,15 @@ def candidate(bones: RigidBones, rest: Array, a: int, b: int) -> JointCandidate:
     T = len(bones.rotations)
     A = (bones.rotations[:, a] - bones.rotations[:, b]).reshape(-1, 3) / np.sqrt(T)
     g = (bones.translations[:, b] - bones.translations[:, a]).ravel() / np.sqrt(T)
-    both = bones.weights[:, a] * bones.weights[:, b]
-    if both.sum() <= 0:
+    shared = bones.weights[:, a] * bones.weights[:, b]
+    if shared.sum() <= 0:
         own = bones.weights[:, [a, b]].T
         middle = (own @ rest / np.maximum(own.sum(axis=1, keepdims=True), 1e-300)).mean(axis=0)
     else:
-        middle = both @ rest / both.sum()
+        middle = shared @ rest / shared.sum()
     _, parting, directions = np.linalg.svd(A, full_matrices=False)
     along = directions @ (A.T @ (g - A @ middle))
-    place = middle + (along / (parting**2 + NEAR**2)) @ directions
+    place = middle + (along / (parting**2 + MIDDLE_PRECISION**2)) @ directions
     gap = float(np.linalg.norm(A @ place - g))
     return JointCandidate((a, b), place, gap, parting[::-1], directions[::-1])
 
@@ -113,11 +113,11 @@ def joint_tree(bones: RigidBones, rest: Array) -> JointTree:
     Pairs that share no surface are taken only if their gap is much smaller than those of others.
     """
     K = bones.count
-    found = {(a, b): candidate(bones, rest, a, b) for b in range(K) for a in range(b)}
+    candidates = {(a, b): candidate(bones, rest, a, b) for b in range(K) for a in range(b)}
     shared = bones.weights.T @ bones.weights
     gaps = np.zeros((K, K))
-    for (a, b), joint in found.items():
-        factor = 1.0 if shared[a, b] > 0 else APART
+    for (a, b), joint in candidates.items():
+        factor = 1.0 if shared[a, b] > 0 else APART_FACTOR
         gaps[a, b] = max(factor * joint.gap, 1e-300)  # a zero would be no edge
     if K == 1:
         return JointTree(np.zeros(1, dtype=np.int64), (-1,), ())
@@ -126,10 +126,10 @@ def joint_tree(bones: RigidBones, rest: Array) -> JointTree:
     edges.data[:] = 1.0
     root = _middle(edges, bones.weights.sum(axis=0))
     order, before = breadth_first_order(edges, root, directed=False)
-    place = np.argsort(order)
-    parents = (-1, *(int(place[before[k]]) for k in order[1:]))
+    position = np.argsort(order)
+    parents = (-1, *(int(position[before[k]]) for k in order[1:]))
     pairs = [tuple(sorted((int(k), int(before[k])))) for k in order[1:]]
-    joints = tuple(found[a, b] for a, b in pairs)
+    joints = tuple(candidates[a, b] for a, b in pairs)
     return JointTree(order.astype(np.int64), parents, joints)
 
 
@@ -152,31 +152,31 @@ def notes_of(
 
     `rms` is what the body leaves of the meshes, and `least` what bones in joints must leave (m).
     """
-    found = []
-    if rms > CERTAIN * least + ROUNDING:
-        found.append(
+    notes = []
+    if rms > CERTAIN_FACTOR * least + ROUNDING:
+        notes.append(
             f"the body leaves {1e3 * rms:.2g} mm of the meshes (rms), and only "
             f"{1e3 * least:.1g} mm are more than any {len(names)} bones in joints can explain: "
             "either the skin does not follow linear blend skinning, or bones and tree are not the "
             "right ones; they are not certain"
         )
     if merged:
-        found.append(
+        notes.append(
             f"{merged} {'bone' if merged == 1 else 'bones'} moved as another one did, and "
             f"{'was' if merged == 1 else 'were'} merged with it: the meshes do not tell them apart"
         )
-    found += [sentence(joint, names) for joint in joints if len(joint.free)]
-    found.append(
+    notes += [sentence(joint, names) for joint in joints if len(joint.free)]
+    notes.append(
         f"no motion shows where the joint of {names[0]} is, because it may stand elsewhere and "
         "turn about another point: it is in the middle of the surface that it carries"
     )
-    return tuple(found)
+    return tuple(notes)
 
 
 def sentence(joint: JointCandidate, names: Sequence[str]) -> str:
     """What is not determined of a joint, in a sentence."""
     above, own = (names[k] for k in joint.bones)
-    if joint.parting[-1] > STILL and len(joint.free) > 1:
+    if joint.parting[-1] > LEAST_TURN and len(joint.free) > 1:
         return (
             f"{own} and {above} take their joint {1e3 * joint.gap:.1f} mm apart (rms), so that "
             "it is not known to within a centimetre"

@@ -35,7 +35,7 @@ from workbench.training.rigging.bones import (
     rigid_motions,
 )
 from workbench.training.rigging.decomposition import (
-    MOST,
+    MOST_BONES,
     alternated,
     bones_needed,
     decompose,
@@ -57,20 +57,20 @@ from workbench.training.subsampling import subsample
 
 TOLERANCE = 1e-4  # m, rms: errors of a decomposition that are no reason for one bone more
 ABOVE_NOISE = 1.05  # factor on the rms of noise: what bones leave of it is never quite all
-ENOUGH = 600  # vertices that bones, joints and poses are found from
-LOOKED_AT = 60  # meshes, spread evenly, that bones are looked for in
-TREES = 4  # how often a tree is looked for again with better bones
+COARSE_VERTICES = 600  # vertices that bones, joints and poses are found from
+MOST_SEARCHED = 60  # meshes, spread evenly, that bones are looked for in
+TREE_ROUNDS = 4  # how often a tree is looked for again with better bones
 ROUNDS, LAST_ROUNDS = 4, 30  # of the refinement, before the tree is certain and after
-WORTH = 0.05  # of the rms: a bone that lowers it by a smaller share is not kept
-REGRESSED = 1e-9  # m: a joint regressor that is farther off is not used
-SINGLE = 2.0**-24  # of the largest coordinate: what single precision leaves of meshes
+LEAST_GAIN = 0.05  # of the rms: a bone that lowers it by a smaller share is not kept
+REGRESSOR_ERROR = 1e-9  # m: a joint regressor that is farther off is not used
+SINGLE_ROUNDING = 2.0**-24  # of the largest coordinate: what single precision leaves of meshes
 FIT_STEPS, FIT_SIGMA = 40, 1e-3  # of the fits of poses to further meshes; the sigma is in m
 SIGMA = 1e-3  # m, of E_D, the only term: its size changes no minimum
-DATA = Sigmas(SIGMA, inf, inf, inf, inf, inf, inf)
-EXACT = 1e-11  # m, rms per coordinate: what rounding leaves of meshes a few metres across
-STEPS = BlockOptions(together_tolerance=1e-2, together_steps=4, products=200, enough=EXACT)
-LAST = replace(STEPS, together_tolerance=1e-4, products=2000)
-LITTLE = 0.02  # of the rms: a round that lowers it by a smaller share is the last
+DATA_ALONE = Sigmas(SIGMA, inf, inf, inf, inf, inf, inf)
+ROUNDING_RMS = 1e-11  # m, rms per coordinate: what rounding leaves of meshes a few metres across
+OPTIONS = BlockOptions(together_tolerance=1e-2, together_steps=4, products=200, enough=ROUNDING_RMS)
+LAST_OPTIONS = replace(OPTIONS, together_tolerance=1e-4, products=2000)
+LITTLE_GAIN = 0.02  # of the rms: a round that lowers it by a smaller share is the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class Refinement:
         """E_D of these meshes, all of one subject, and no other term."""
         (N, K), T = estimate.weights.shape, len(self.meshes)
         registrations = InMemory(self.meshes, np.zeros(T, dtype=np.int64))
-        return Objective(registrations, csr_array((K, N)), estimate.weights, None, DATA)
+        return Objective(registrations, csr_array((K, N)), estimate.weights, None, DATA_ALONE)
 
     def rms(self, estimate: Estimate) -> float:
         """The root mean square distance of a vertex, in metres."""
@@ -127,19 +127,19 @@ class Refinement:
         block: str,
         rounds: int,
         steps: RigSteps,
-        options: BlockOptions = STEPS,
+        options: BlockOptions = OPTIONS,
     ) -> Estimate:
         """Rounds of a block, `skeleton` or `skinning`, and of the weights; none raises the cost."""
 
         def in_rounds(estimate: Estimate) -> Estimate:
             objective = self.objective(estimate)
-            given, before = BlockInput(objective, self.faces, options), objective.rms(estimate)
+            context, before = BlockInput(objective, self.faces, options), objective.rms(estimate)
             for number in range(rounds):
                 for name in (block, "weights"):
-                    estimate, _ = BLOCKS[name](given, estimate)
+                    estimate, _ = BLOCKS[name](context, estimate)
                 steps.report(block, number + 1, rounds)
                 rms = objective.rms(estimate)
-                if rms < EXACT or rms > (1 - LITTLE) * before:
+                if rms < ROUNDING_RMS or rms > (1 - LITTLE_GAIN) * before:
                     break
                 before = rms
             return estimate
@@ -177,32 +177,32 @@ def rig(
     are too few, and for a motion that needs more than 64 bones.
     """
     first = meshes[0] if rest is None and len(meshes) else rest
-    shape = _checked(meshes, first, bones, tolerance)
+    shape = _checked_rest(meshes, first, bones, tolerance)
     steps = RigSteps() if steps is None else steps
     steps.begin(report, (bones, tolerance), meshes, shape, faces)
     with limited_threads():
-        turns, still = _without_travel(shape, meshes)
-        few = subsample(shape, np.asarray(faces), ENOUGH)
-        v = few.vertices
-        noise = noise_of(still[:, v])
-        untold = noise is None and tolerance is None and bones is None
+        turns, unmoved = _without_travel(shape, meshes)
+        few = subsample(shape, np.asarray(faces), COARSE_VERTICES)
+        vertices = few.vertices
+        noise = noise_of(unmoved[:, vertices])
+        noise_unknown = noise is None and tolerance is None and bones is None
         if tolerance is None:
             tolerance = max(TOLERANCE, ABOVE_NOISE * np.sqrt(3) * (noise or 0))
-        near = Refinement(still[:, v], few.faces)
-        estimate, merged = _skeleton(near, shape[v], bones, tolerance, steps)
-        free = bool((estimate.templates[0] != shape[v]).any())
+        coarse = Refinement(unmoved[:, vertices], few.faces)
+        estimate, merged = _skeleton(coarse, shape[vertices], bones, tolerance, steps)
+        free = bool((estimate.templates[0] != shape[vertices]).any())
         block = "skinning" if free else "skeleton"
-        estimate = near.refined(estimate, block, LAST_ROUNDS, steps, LAST)
-        every = Refinement(still, np.asarray(faces))
-        if len(v) < len(shape):
-            estimate = _on_every_vertex(estimate, still, shape, v)
-            estimate = every.refined(estimate, block, ROUNDS, steps)
-        rounding = SINGLE * np.abs(meshes).max()
-        if not free and every.rms(estimate) > rounding:
-            estimate = every.refined(estimate, "skinning", LAST_ROUNDS, steps)
+        estimate = coarse.refined(estimate, block, LAST_ROUNDS, steps, LAST_OPTIONS)
+        full = Refinement(unmoved, np.asarray(faces))
+        if len(vertices) < len(shape):
+            estimate = _on_every_vertex(estimate, unmoved, shape, vertices)
+            estimate = full.refined(estimate, block, ROUNDS, steps)
+        rounding = SINGLE_ROUNDING * np.abs(meshes).max()
+        if not free and full.rms(estimate) > rounding:
+            estimate = full.refined(estimate, "skinning", LAST_ROUNDS, steps)
         estimate = turned(put_back(estimate, shape), turns)
-        every = replace(every, meshes=meshes)
-        return _result(every, estimate, merged, untold, steps, dict(card or {}))
+        full = replace(full, meshes=meshes)
+        return _rigged(full, estimate, merged, noise_unknown, steps, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
@@ -227,7 +227,7 @@ def _without_travel(rest: Array, meshes: Array) -> tuple[Array, Array]:
 
 
 def _skeleton(
-    given: Refinement, rest: Array, count: int | None, tolerance: float, steps: RigSteps
+    refinement: Refinement, rest: Array, count: int | None, tolerance: float, steps: RigSteps
 ) -> tuple[Estimate, int]:
     """An estimate with enough bones on the right tree, and how many of them were merged.
 
@@ -235,47 +235,47 @@ def _skeleton(
     It is added to the bones that were there before the tree was found. Bones are looked for in some
     of the meshes, and the others follow.
     """
-    meshes = given.meshes
-    some = np.unique(np.linspace(0, len(meshes) - 1, LOOKED_AT).round().astype(int))
-    looked_at = meshes[some] if len(some) < len(meshes) else meshes
+    meshes = refinement.meshes
+    frames = np.unique(np.linspace(0, len(meshes) - 1, MOST_SEARCHED).round().astype(int))
+    searched = meshes[frames] if len(frames) < len(meshes) else meshes
     target = bones_needed(meshes, tolerance) if count is None else count
-    found = decompose(rest, looked_at, target, steps)
-    kept: tuple[Estimate, int] | None = None
+    bones = decompose(rest, searched, target, steps)
+    best: tuple[Estimate, int] | None = None
+    lowest = inf
     while True:
-        different = merged_where_alike(found, rest, tolerance)
-        merged = found.count - different.count
-        if len(some) < len(meshes):
+        different = merged_where_alike(bones, rest, tolerance)
+        merged = bones.count - different.count
+        if len(frames) < len(meshes):
             different = bones_of_weights(different.weights, rest, meshes)
-        settled, tree = _settled(given, rest, different, steps)
-        estimate = given.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, steps)
-        if given.rms(estimate) > tolerance:
-            freed = given.refined(estimate, "skinning", ROUNDS, steps)
-            estimate = freed if given.rms(freed) < given.rms(estimate) else estimate
-        if kept is not None and given.rms(estimate) > (1 - WORTH) * given.rms(kept[0]):
-            return kept
-        if (
-            count is not None
-            or given.rms(estimate) <= tolerance
-            or found.count >= MOST
-            or steps.unfinished
-        ):
+        settled, tree = _settled(refinement, rest, different, steps)
+        estimate = refinement.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, steps)
+        rms = refinement.rms(estimate)
+        if rms > tolerance:
+            freed = refinement.refined(estimate, "skinning", ROUNDS, steps)
+            freed_rms = refinement.rms(freed)
+            if freed_rms < rms:
+                estimate, rms = freed, freed_rms
+        if best is not None and rms > (1 - LEAST_GAIN) * lowest:
+            return best
+        enough = count is not None or bones.count >= MOST_BONES
+        if enough or rms <= tolerance or steps.unfinished:
             return estimate, merged
-        kept = (estimate, merged)
-        found = one_more(merged_where_alike(found, rest, tolerance), rest, looked_at, steps)
+        best, lowest = (estimate, merged), rms
+        bones = one_more(merged_where_alike(bones, rest, tolerance), rest, searched, steps)
 
 
 def _settled(
-    given: Refinement, rest: Array, bones: RigidBones, steps: RigSteps
+    refinement: Refinement, rest: Array, bones: RigidBones, steps: RigSteps
 ) -> tuple[RigidBones, JointTree]:
     """Refine bones on their tree, free them, and find the tree again, until it stays the same."""
     tree = joint_tree(bones, rest)
-    for _ in range(TREES):
-        estimate = given.refined(on_tree(bones, tree, rest), "skeleton", ROUNDS, steps)
-        freed = alternated(off_tree(estimate, given.meshes), rest, given.meshes)
+    for _ in range(TREE_ROUNDS):
+        estimate = refinement.refined(on_tree(bones, tree, rest), "skeleton", ROUNDS, steps)
+        freed = alternated(off_tree(estimate, refinement.meshes), rest, refinement.meshes)
         again = joint_tree(freed, rest)
         place = np.argsort(tree.order)
         same = {frozenset(int(place[k]) for k in edge) for edge in tree.edges} == again.edges
-        if same and freed.rms(rest, given.meshes) > bones.rms(rest, given.meshes):
+        if same and freed.rms(rest, refinement.meshes) > bones.rms(rest, refinement.meshes):
             return bones, tree  # the joints cost more than the refinement gained
         bones, tree = freed, again
         if same:
@@ -283,40 +283,40 @@ def _settled(
     return bones, tree
 
 
-def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, some: Index) -> Estimate:
+def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, vertices: Index) -> Estimate:
     """The estimate of some vertices, with a template and weights for all of `rest` (N, 3) m."""
-    bones = off_tree(estimate, meshes[:, some], rounds=0)
-    nearest = np.linalg.norm(rest[:, None] - rest[some], axis=2).argmin(axis=1)
+    bones = off_tree(estimate, meshes[:, vertices], rounds=0)
+    nearest = np.linalg.norm(rest[:, None] - rest[vertices], axis=2).argmin(axis=1)
     bones = replace(bones, weights=estimate.weights[nearest])
     weights = fit_bone_weights(bones, rest, meshes).weights
     none = np.zeros((len(rest), 3, 0))
     return replace(estimate, templates=rest[None], posedirs=none, weights=weights)
 
 
-def _result(
-    every: Refinement,
+def _rigged(
+    refinement: Refinement,
     estimate: Estimate,
     merged: int,
-    untold: bool,
+    noise_unknown: bool,
     steps: RigSteps,
     card: dict[str, Any],
 ) -> Rigged:
-    meshes, template = every.meshes, estimate.templates[0]
+    meshes, template = refinement.meshes, estimate.templates[0]
     N, K = estimate.weights.shape
-    own = estimate.weights[:, 0] / estimate.weights[:, 0].sum()
-    rows = csr_array(np.concatenate([own[None], np.zeros((K - 1, N))]))
+    root_weights = estimate.weights[:, 0] / estimate.weights[:, 0].sum()
+    root_row = csr_array(np.concatenate([root_weights[None], np.zeros((K - 1, N))]))
     joints = estimate.joints.copy()
-    joints[0, 0] = own @ template  # it turns about another point, and stands elsewhere for it
-    regressor = fit_joint_regressor(estimate.templates, joints, rows)
+    joints[0, 0] = root_weights @ template  # to turn about another point is to stand elsewhere
+    regressor = fit_joint_regressor(estimate.templates, joints, root_row)
     names = ("root", *(f"bone_{k}" for k in range(1, K)))
-    rms = every.rms(estimate)
+    rms = refinement.rms(estimate)
     freed = off_tree(estimate, meshes)
-    found = tuple(
+    candidates = tuple(
         candidate(freed, template, parent, k)
         for k, parent in enumerate(estimate.parents[1:], start=1)
     )
-    notes = notes_of(found, names, merged, rms, least_rms(meshes, K))
-    if untold and rms > TOLERANCE:
+    notes = notes_of(candidates, names, merged, rms, least_rms(meshes, K))
+    if noise_unknown and rms > TOLERANCE:
         notes += (
             "how much noise the meshes have cannot be told from so few of them, so bones were "
             f"looked for until {1e3 * TOLERANCE:g} mm would be left; a tolerance or more meshes "
@@ -331,19 +331,19 @@ def _result(
         J_regressor=regressor.matrix,
         weights=estimate.weights,
         parents=estimate.parents,
-        faces=every.faces,
+        faces=refinement.faces,
         joint_names=names,
         name="rigged",
-        rest_joints=joints[0] if regressor.rms.max() > REGRESSED else None,
+        rest_joints=joints[0] if regressor.rms.max() > REGRESSOR_ERROR else None,
         card={"rigged_from": {"meshes": len(meshes), "rms_mm": 1e3 * rms}, "left_open": notes}
         | card,
     )
     posed = np.stack([body.vertices(pose) for pose in estimate.poses])
     trans = (meshes - posed).mean(axis=1)
-    return Rigged(body, estimate.poses, trans, rms, found, notes)
+    return Rigged(body, estimate.poses, trans, rms, candidates, notes)
 
 
-def _checked(
+def _checked_rest(
     meshes: Array, rest: Array | None, bones: int | None, tolerance: float | None
 ) -> Array:
     """The mesh at rest. Raises BadArgument."""

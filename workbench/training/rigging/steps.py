@@ -21,9 +21,9 @@ from workbench.training.estimate import Estimate
 from workbench.training.rigging.bones import RigidBones
 from workbench.writing import Keeping, write_arrays
 
-Found = TypeVar("Found", RigidBones, Estimate)
+Stage = TypeVar("Stage", RigidBones, Estimate)
 RigProgress = Callable[[str, int, int], None]
-VERSION = 1  # of what the steps are
+RIG_VERSION = 1  # of what the steps are
 DIGEST = "digest"  # the name of the digest of the rig's arguments
 
 
@@ -46,7 +46,7 @@ class RigSteps:
     arrays: dict[str, Array] = field(default_factory=dict)
     unfinished: bool = False
     report: RigProgress = silent
-    _made: int = 0
+    _number: int = 0
     _digest: str = ""
     _keep: Keeping = field(default_factory=Keeping)
 
@@ -54,14 +54,14 @@ class RigSteps:
         """The steps that were made, for a rig that makes no other."""
         return RigSteps(None, self.arrays, unfinished=True)
 
-    def begin(self, report: RigProgress, settings: object, *given: NDArray[Any]) -> None:
+    def begin(self, report: RigProgress, settings: object, *arrays: NDArray[Any]) -> None:
         """Begin a rig from its first step, with those of the file.
 
         Raises BadFile if the file is damaged, or of other settings or arrays.
         """
-        self.report, self._made = report, 0
-        digest = hashlib.sha256(repr((VERSION, settings, [a.shape for a in given])).encode())
-        for array in given:
+        self.report, self._number = report, 0
+        digest = hashlib.sha256(repr((RIG_VERSION, settings, [a.shape for a in arrays])).encode())
+        for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
         self._digest = digest.hexdigest()
         if self.path is None or not self.path.exists():
@@ -78,18 +78,18 @@ class RigSteps:
         if self.path is not None:
             self.path.unlink(missing_ok=True)
 
-    def __call__(self, start: Found, refined: Callable[[Found], Found]) -> Found:
+    def __call__(self, start: Stage, refined: Callable[[Stage], Stage]) -> Stage:
         """What a refinement makes of its start, which is found once."""
-        number, self._made = self._made, self._made + 1
+        number, self._number = self._number, self._number + 1
         names = {name: f"{number}.{name}" for name in start.arrays()}
         if self.arrays.keys() >= set(names.values()):
             stored: dict[str, Any] = {name: self.arrays[key] for name, key in names.items()}
             return replace(start, **stored)
         if self.unfinished:
             return start
-        found = refined(start)
-        self.arrays |= {names[name]: array for name, array in found.arrays().items()}
+        result = refined(start)
+        self.arrays |= {names[name]: array for name, array in result.arrays().items()}
         if (path := self.path) is not None:
             stored = {DIGEST: np.array(self._digest), **self.arrays}
             self._keep(lambda: write_arrays(path, stored))
-        return found
+        return result

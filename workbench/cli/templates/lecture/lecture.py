@@ -57,10 +57,10 @@ print(f"mean with a wrong one:     {wrong.mean():.4f} m")
 # %%
 def estimate(values: ArrayLike, kernel: Kernel) -> float:
     """The length that minimises the sum of the kernel's costs, in m."""
-    length, given = wb.Block("length", (), "m"), np.asarray(values, dtype=float)
-    rows = wb.Residual("readings", length.symbol - given, sigma=SIGMA, unit="m", kernel=kernel)
+    length, readings = wb.Block("length", (), "m"), np.asarray(values, dtype=float)
+    rows = wb.Residual("readings", length.symbol - readings, sigma=SIGMA, unit="m", kernel=kernel)
     problem = wb.Problem([rows], free="length", blocks=[length])
-    return float(wb.solve(problem, {"length": np.array(np.median(given))}).values["length"])
+    return float(wb.solve(problem, {"length": np.array(np.median(readings))}).values["length"])
 
 
 robust = estimate(wrong, huber(1.345))
