@@ -16,6 +16,7 @@ from workbench.cli import Interrupted
 from workbench.cli.console import folder_to_write, print_page, rich_table, say_notes, warn_of
 from workbench.comparison.design import named_solvers
 from workbench.diagnostics import Diagnosis
+from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
@@ -259,7 +260,7 @@ def _rank_line(what: str, d: Diagnosis) -> str:
     m, n = d.shape
     sentence = "every direction changes a residual"
     if d.null_directions:
-        sentence = f"{len(d.null_directions)} directions change no residual"
+        sentence = f"no residual changes along {counted(len(d.null_directions), 'direction')}"
     if d.weak_count:
         sentence += (
             f"; along {d.weak_count} more, a change by a whole characteristic scale (such as 1 "
