@@ -155,10 +155,10 @@ def kind_of_fit(paths: list[Path], video: bool) -> str:
         kind = "markers" if suffix in MARKER_READERS else "a mesh"
     elif suffix not in (".json", ""):
         raise BadFile(
-            f"{first} is nothing that is fitted: keypoints are read from .json as detectors write "
-            f"it (a picture needs one first), markers from {listed(MARKER_READERS)}, and the "
-            f"body's own vertices from {listed(WITH_VERTEX_ORDER)}; `workbench register` takes "
-            "scans, and `workbench convert` skeletons and motions"
+            f"`fit` does not read {first.name}: it takes keypoints as .json of a detector (which "
+            f"has to look at a picture first), markers as {listed(MARKER_READERS)}, and the body's "
+            f"own vertices as {listed(WITH_VERTEX_ORDER)}; `workbench register` takes scans, and "
+            "`workbench convert` skeletons and motions"
         )
     if len(paths) > 1 and kind != "several cameras":
         raise BadFile(
