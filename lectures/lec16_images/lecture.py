@@ -764,15 +764,15 @@ Picture(
 #
 # - The network alone: {{ alone:.0f}} mm, it does not meet the keypoints. As a start:
 #   {{ made_up_off['learned']:.0f}} mm
-# - 200 recorded poses that it never saw: {{ 138.8 }} mm with squares from rest, {{ 59.2 }} mm robust and
-#   learned, {{ 55.6 }} mm from the truth
+# - 200 recorded poses that it never saw: {{ 139.7 }} mm with squares from rest, {{ 59.2 }} mm robust and
+#   learned, {{ 56.0 }} mm from the truth
 # - What is left, the image does not tell.
 
 # %% [markdown]
 # (The network has learned from draws of the mixture, and our made-up people are such draws.
-# `benchmarks/ACCURACY.md` has 200 people in recorded poses that it never saw, and the order is the same: {{ 138.8 }} mm
-# with squares and from rest, {{ 59.2 }} mm with the robust loss and the learned start, {{ 55.6 }} mm with it and from
-# the truth. With four wrong keypoints these are {{ 406.1 }}, {{ 97.3 }} and {{ 87.8 }} mm.)
+# `benchmarks/ACCURACY.md` has 200 people in recorded poses that it never saw, and the order is the same: {{ 139.7 }} mm
+# with squares and from rest, {{ 59.2 }} mm with the robust loss and the learned start, {{ 56.0 }} mm with it and from
+# the truth. With four wrong keypoints these are {{ 407.2 }}, {{ 97.3 }} and {{ 87.8 }} mm.)
 #
 # ## Hypotheses
 #

@@ -30,7 +30,7 @@ from workbench.geometry.meshes import write_mesh
         ("run nan.py", "has no finite cost, or no derivatives, where it starts"),
         ("fit missing.json", "cannot be read as JSON"),
         ("fit walk.bvh", "`workbench convert` skeletons and motions"),
-        ("fit dlc.csv", "keypoints are read from .json as detectors write it"),
+        ("fit dlc.csv", "it takes keypoints as .json of a detector"),
         ("fit nobody.json", "nobody.json holds no person: its list `people` is empty"),
         ("fit 3.json", "annotations must be a list of objects"),
         ("fit kp.json --focal nan", "--focal takes a number above 0, not nan"),
