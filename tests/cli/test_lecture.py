@@ -90,7 +90,7 @@ def test_pack_is_handed_out_tried_and_marked(workbench: Run) -> None:
     assert "students are named by nick" in out
     assert "1 exercise, 3 points, about 15 minutes as estimated, for 2 students" in out
     assert "workbench lecture mark HANDED_IN --keys out-keys" in out
-    assert "the seed is 1; " in out
+    assert "the seed, 1, is also in the keys" in out
     again = "4.2 --for geometry --students class.csv --column nick --seed 1 --to NEW_FOLDER"
     assert again in out
     assert Path("out-keys").stat().st_mode & 0o077 == 0
