@@ -91,7 +91,7 @@ def test_pack_is_handed_out_tried_and_marked(workbench: Run) -> None:
     assert "1 exercise, 3 points, about 15 minutes as estimated, for 2 students" in out
     assert "workbench lecture mark HANDED_IN --keys out-keys" in out
     assert "the seed, 1, is also in the keys" in out
-    again = "4.2 --for geometry --students class.csv --column nick --seed 1 --to NEW_FOLDER"
+    again = "4.2 --for geometry --students class.csv --seed 1 --column nick --to NEW_FOLDER"
     assert again in out
     assert Path("out-keys").stat().st_mode & 0o077 == 0
     path = Path("out/ada/lec04_skinning.py")
