@@ -11,14 +11,12 @@ from scipy.sparse.linalg import LinearOperator
 
 from builder.triangle_learning import LSQR, Lsqr, learn_pose_deformations
 from tests.bodies_made_up import tube_body
-from tests.training.symbolic_triangles import SymbolicTriangles
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.training.triangles import (
     PosedMeshes,
     learn_gradient_shapes,
-    neighbour_differences,
 )
 
 
@@ -106,50 +104,3 @@ def test_mismatched_meshes_are_refused() -> None:
         learn_gradient_shapes(true.vertices(betas=betas), true.faces, 6)
     with pytest.raises(BadArgument, match="must be as many"):
         PosedMeshes(posed.vertices, posed.poses[:1], posed.person)
-
-
-SYMBOLIC_RIDGE, SYMBOLIC_SMOOTHNESS = 1e-3, 1e-4  # m^2
-RNG = np.random.default_rng(0)
-
-
-@cache
-def meshes() -> tuple[Array, PosedMeshes]:
-    """D (2, F, 3, 3) of two people, and noisy meshes of them in four poses each."""
-    true, betas = generator(blended=True), RNG.normal(size=(2, 2))
-    person, poses = np.repeat([0, 1], 4), RNG.normal(scale=0.5, size=(8, 3, 3))
-    exact = true.vertices(poses, betas[person])
-    posed = PosedMeshes(exact + 0.002 * RNG.normal(size=exact.shape), poses, person)
-    D = np.eye(3) + np.einsum("fabk,sk->sfab", true.shapedirs, betas)
-    return D, posed
-
-
-@cache
-def symbolic() -> SymbolicTriangles:
-    return SymbolicTriangles.of(generator(blended=True), *meshes())
-
-
-@pytest.mark.thorough
-def test_terms_are_those_of_the_blocks() -> None:
-    form, (D, posed) = symbolic(), meshes()
-    values = form.values()
-    modelled = np.stack(
-        [
-            form.subjects[s].vertices(pose, [1.0])
-            for s, pose in zip(posed.person, posed.poses, strict=True)
-        ]
-    )
-    away = posed.vertices - modelled
-    away -= away.mean(axis=1, keepdims=True)
-    tied = neighbour_differences(form.body.faces)
-    expected = {
-        "data": 0.5 * np.sum(away**2),
-        "E_Q": 0.5 * SYMBOLIC_RIDGE * np.sum(form.body.posedirs**2),
-        "E_D": 0.5 * SYMBOLIC_SMOOTHNESS * sum(np.sum((tied @ d.reshape(-1, 9)) ** 2) for d in D),
-    }
-    problems = {
-        "data": form.problem(form.data()),
-        "E_Q": form.problem(form.small_posedirs(SYMBOLIC_RIDGE)),
-        "E_D": form.problem(form.smooth_subjects(SYMBOLIC_SMOOTHNESS)),
-    }
-    costs = {name: problem.linearize(values).cost for name, problem in problems.items()}
-    assert costs == pytest.approx(expected, rel=1e-12)
