@@ -26,6 +26,17 @@ def test_pages_are_those_of_the_kept_numbers(tmp_path: Path) -> None:
         assert (here / name).read_text("utf-8") == (measuring.HERE / name).read_text("utf-8"), name
 
 
+def test_readme_claims_the_speed_that_is_stored() -> None:
+    readme = (measuring.HERE.parent / "README.md").read_text("utf-8")
+    stored = measuring.kept("performance")
+    assert stored is not None
+    ratios = {one.name: one.measured for one in page.targets(stored["found"])}
+    assert "a tenth of the time that JAX needs" in readme
+    assert 9 <= ratios["workbench: JAX / Jacobian"] <= 11
+    assert "less than a fortieth with a C compiler" in readme
+    assert ratios["workbench, compiled: JAX / Jacobian"] > 40
+
+
 @pytest.mark.filterwarnings("default")  # peers have warnings of their own
 @pytest.mark.parametrize("part", performance.PARTS)
 def test_parts_agree_and_write_their_tables(part: str) -> None:

@@ -203,7 +203,7 @@ def unit_of_translations(views: Sequence[View], values: Values) -> str:
         return ""
     low, high = PERSON_SIZES
     fitting = [unit for unit, m in UNITS.items() if low <= m * size <= high]
-    usual = np.sqrt(low * high)  # m; in cm a person who is given in inches is a small one
+    usual = np.sqrt(low * high)  # m; taken for cm, inches make a small person
     nearest = min(fitting, key=lambda unit: abs(np.log(UNITS[unit] * size / usual)), default="")
     return nearest or "another unit"
 

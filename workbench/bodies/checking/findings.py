@@ -187,7 +187,7 @@ SIZES = {  # m, the largest extent of a model of each family: at least, usually,
 }
 METRES = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
 LARGEST_SHAPE, LARGEST_POSE = 0.3, 1.0  # of the size of a model, of an entry of shapedirs, posedirs
-ELSEWHERE = 0.7  # of the usual distance of any joint: a joint that far from its own vertices
+ELSEWHERE = 0.7  # of the median distance from joints to all parts: a joint as far from its own part
 AXES = ("x", "y", "z")
 IN_METRES = "v_template, shapedirs and posedirs"
 
